@@ -117,6 +117,10 @@ enum Keyboard {
     /// Standard input of the process.
     Stdin,
     /// The controlling terminal.
+    #[cfg_attr(
+        windows,
+        expect(dead_code, reason = "crossterm waits for keys on Windows")
+    )]
     Controlling(File),
     /// There is none.
     None,

@@ -12,16 +12,16 @@ use lumbre_light::value::Value;
 /// Cases with the first digits of their ids. An id changes with what determines a picture: state
 /// that and why in CHANGELOG.md, and replace it here.
 const IDS: [(&str, &str); 10] = [
-    ("plain", "c291a0cc"),
-    ("sobol", "77aa90dc"),
-    ("strategies", "2caa063e"),
-    ("merging", "96264750"),
-    ("guiding", "325a35cf"),
-    ("layers", "fb3b0dc2"),
-    ("time", "656c0267"),
-    ("filter", "e492b26c"),
-    ("scene", "d5a8787a"),
-    ("denoised", "5625ae63"),
+    ("plain", "77dc2be2"),
+    ("sobol", "a9d4b739"),
+    ("strategies", "89596c40"),
+    ("merging", "b644807b"),
+    ("guiding", "67a62d0d"),
+    ("layers", "8ed7640b"),
+    ("time", "bdbfebbb"),
+    ("filter", "18fdebd1"),
+    ("scene", "8d0bed37"),
+    ("denoised", "bfece477"),
 ];
 
 /// Plans a script with a cell for each of some cases.

@@ -46,29 +46,6 @@ fn surface(xml: &str) -> (MaterialDesc, String) {
 }
 
 #[test]
-fn what_a_camera_of_mitsuba_cuts_off_is_noted() {
-    let floor = |half: f32, far: &str| {
-        let scale = format!(r#"<scale value="{half}"/><rotate x="1" angle="-90"/>"#);
-        let shape = format!(
-            r#"<shape type="rectangle"><transform name="to_world">{scale}</transform></shape>"#
-        );
-        let xml = around(&shape).replace(r#"<film"#, &format!("{far}<film"));
-        lines(&Folder::new(&[("a.xml", &xml)]).load("a.xml").unwrap().1)
-    };
-    assert_eq!(floor(4000.0, ""), "");
-    let notes = floor(40_000.0, "");
-    let expected = "more than 10000 units away (`far_clip`), which is not supported; the scene \
-                    reaches 40005 units";
-    assert!(notes.contains(expected), "{notes}");
-    let far = r#"<float name="far_clip" value="5"/>"#;
-    assert!(
-        floor(1.0, far).contains("reaches 6 units"),
-        "{}",
-        floor(1.0, far)
-    );
-}
-
-#[test]
 fn the_camera_has_its_position_and_its_vertical_field_of_view() {
     let (desc, notes) = read("");
     assert_eq!(desc.resolution, [64, 32]);

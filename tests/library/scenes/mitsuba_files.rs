@@ -1,5 +1,5 @@
 //! Mitsuba scenes of several files: folders in which they are searched, references to later objects,
-//! serialized meshes, spectra, and tilted environment maps.
+//! serialized meshes, spectra, and tilted environment maps; and what cameras cut off.
 
 use std::io::Write;
 
@@ -332,4 +332,30 @@ fn a_tilted_environment_map_is_computed_in_the_axes_of_the_scene() {
     folder.write("b.xml", xml("<scale x=\"0\"/>"));
     let e = folder.load("b.xml").unwrap_err().to_string();
     assert!(e.contains("not invertible"), "{e}");
+}
+
+#[test]
+fn what_a_camera_of_mitsuba_cuts_off_is_noted() {
+    let floor = |half: f32, far: &str| {
+        let scale = format!(r#"<scale value="{half}"/><rotate x="1" angle="-90"/>"#);
+        let shape = format!(
+            r#"<shape type="rectangle"><transform name="to_world">{scale}</transform></shape>"#
+        );
+        let place = r#"<lookat origin="0, 1, 5" target="0, 1, 0" up="0, 1, 0"/>"#;
+        let camera = format!(
+            r#"<sensor type="perspective">{far}<transform name="to_world">{place}</transform></sensor>"#
+        );
+        read(&(camera + &shape)).unwrap().1
+    };
+    assert_eq!(floor(4000.0, ""), "");
+    let notes = floor(40_000.0, "");
+    let expected = "more than 10000 units away (`far_clip`), which is not supported; the scene \
+                    reaches 40005 units";
+    assert!(notes.contains(expected), "{notes}");
+    let far = r#"<float name="far_clip" value="5"/>"#;
+    assert!(
+        floor(1.0, far).contains("reaches 6 units"),
+        "{}",
+        floor(1.0, far)
+    );
 }

@@ -350,7 +350,7 @@ fn libraries_that_cannot_be_used_are_refused_with_the_reason() {
         return;
     };
     refused(&empty, "no function `lumbre_technique_abi`");
-    let half = "extern \"C\" unsigned lumbre_technique_abi() { return 1; }\n";
+    let half = "extern \"C\" unsigned lumbre_technique_abi() { return 2; }\n";
     let half = compile(&place, "half", half).unwrap();
     refused(&half, "no function `lumbre_technique_describe`");
     let replaced = |name: &str, from: &str, to: &str| {

@@ -1,5 +1,7 @@
 //! References on disk: their halves, their noise estimates, and sharing between experiments.
 
+use std::time::SystemTime;
+
 use super::workplace::Workplace;
 
 /// Returns the only reference folder of a workplace. Panics unless there is exactly one.
@@ -291,6 +293,7 @@ fn an_imported_reference_is_copied_with_its_provenance_and_unknown_noise() {
         &hash[..8]
     );
     assert!(plan.contains(&expected), "{plan}");
+    let before = place.finished();
     place.succeed(&["run", "imported.lua", "depth=4", "-q"]);
     let all: Vec<String> = place
         .files("out")
@@ -320,7 +323,8 @@ fn an_imported_reference_is_copied_with_its_provenance_and_unknown_noise() {
         std::fs::read(place.path(&file.replace("ref.json", "ref.exr"))).unwrap(),
         bytes
     );
-    let (done, _) = place.finished().remove(0);
+    let own = |(done, _): &(String, SystemTime)| !before.iter().any(|(old, _)| old == done);
+    let (done, _) = place.finished().into_iter().find(own).unwrap();
     assert!(
         place.json(&done)["floors"].is_null(),
         "an imported reference has no noise floors"

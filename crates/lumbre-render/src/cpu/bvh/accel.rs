@@ -258,7 +258,6 @@ impl Accel {
 
     /// Returns whether the hierarchy is a single leaf, so that every ray is tested with every
     /// primitive.
-    #[cfg(target_arch = "x86_64")]
     pub(crate) fn is_one_leaf(&self) -> bool {
         self.root & LEAF != 0 && self.instances.is_empty() && self.compressed.is_none()
     }

@@ -9,7 +9,9 @@ use super::instances;
 use super::intersect;
 use super::intersect::ShearedRay;
 use super::packed::PackedTree;
-use super::simd::{Isa, LANES, Portable, Simd8};
+#[cfg(target_arch = "x86_64")]
+use super::simd::Isa;
+use super::simd::{LANES, Portable, Simd8};
 use super::slabs::Slabs;
 use super::stack::Stack;
 use lumbre_light::scene::compile::NONE;

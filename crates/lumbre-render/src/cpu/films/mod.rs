@@ -9,10 +9,6 @@
 //! films, so that layers and time bins still add up to the picture.
 
 pub mod bin_pool;
-#[cfg_attr(
-    not(target_arch = "x86_64"),
-    expect(dead_code, reason = "the wavefront renderer needs x86-64")
-)]
 pub mod contributions;
 pub mod layers;
 pub mod row_film;

@@ -185,10 +185,6 @@ impl<'a> RowFilm<'a> {
 }
 
 /// Batches of vectorised samples.
-#[cfg_attr(
-    not(target_arch = "x86_64"),
-    expect(dead_code, reason = "the wavefront renderer needs x86-64")
-)]
 impl RowFilm<'_> {
     /// Adds a splat of the sample `id` to the picture and to the layers that need it.
     #[inline]
