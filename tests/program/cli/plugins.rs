@@ -361,7 +361,7 @@ fn libraries_that_cannot_be_used_are_refused_with_the_reason() {
     let other = replaced("other", "return LUMBRE_TECHNIQUE_ABI", "return 7");
     refused(
         &other,
-        "implements version 7 of technique.h, and this program version 1",
+        "implements version 7 of technique.h, and this program version 2",
     );
     let named = replaced("named", "\"nee_cpp\",", "\"nee\",");
     refused(&named, "there are two techniques `nee`");
