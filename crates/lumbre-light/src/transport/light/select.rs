@@ -151,28 +151,6 @@ fn share(weights: &mut [f64], distant: &[bool]) {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn neither_distant_lights_nor_others_fall_below_a_third() {
-        let distant = [false, false, true, true];
-        for (mut weights, expected) in [
-            ([1.0, 3.0, 100.0, 300.0], [50.0, 150.0, 100.0, 300.0]),
-            ([100.0, 300.0, 3.0, 1.0], [100.0, 300.0, 150.0, 50.0]),
-            ([1.0, 3.0, 4.0, 2.0], [1.0, 3.0, 4.0, 2.0]),
-            ([0.0, 0.0, 4.0, 2.0], [0.0, 0.0, 4.0, 2.0]),
-            ([2.0, 1.0, 0.0, 0.0], [2.0, 1.0, 0.0, 0.0]),
-        ] {
-            share(&mut weights, &distant);
-            for (weight, expected) in weights.into_iter().zip(expected) {
-                assert!((weight - expected).abs() < 1e-9, "{weights:?}");
-            }
-        }
-    }
-}
-
 /// Estimates the luminance of the power that an emissive primitive emits on its front.
 fn emitter_power(scene: &CompiledScene, i: u32, brightness: &[f64]) -> f64 {
     let m = area::material(scene, i);
@@ -198,4 +176,26 @@ fn mean_luminance(texture: &Texture) -> f64 {
         .map(|t| luminance(glam::Vec3::from_array(*t)))
         .sum();
     sum / texture.texels.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn neither_distant_lights_nor_others_fall_below_a_third() {
+        let distant = [false, false, true, true];
+        for (mut weights, expected) in [
+            ([1.0, 3.0, 100.0, 300.0], [50.0, 150.0, 100.0, 300.0]),
+            ([100.0, 300.0, 3.0, 1.0], [100.0, 300.0, 150.0, 50.0]),
+            ([1.0, 3.0, 4.0, 2.0], [1.0, 3.0, 4.0, 2.0]),
+            ([0.0, 0.0, 4.0, 2.0], [0.0, 0.0, 4.0, 2.0]),
+            ([2.0, 1.0, 0.0, 0.0], [2.0, 1.0, 0.0, 0.0]),
+        ] {
+            share(&mut weights, &distant);
+            for (weight, expected) in weights.into_iter().zip(expected) {
+                assert!((weight - expected).abs() < 1e-9, "{weights:?}");
+            }
+        }
+    }
 }

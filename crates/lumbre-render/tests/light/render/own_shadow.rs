@@ -17,7 +17,7 @@ const SIDE: u32 = 16;
 
 /// A turn for which no wall is parallel to an axis.
 fn turned() -> Quat {
-    Quat::from_axis_angle(Vec3::new(1.0, 2.0, -0.5).normalize(), 0.7)
+    Quat::from_axis_angle(Vec3::new(1.0, 2.0, -0.5).normalize_or(Vec3::X), 0.7)
 }
 
 /// Returns a corner of a room, at the origin, with walls of the given size in scene units and a
