@@ -9,6 +9,7 @@ use super::WaveRow;
 use super::spec::Presentation;
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
+use lumbre_render::Peer;
 
 /// Contents of one night's folder.
 #[derive(Clone, Debug)]
@@ -96,9 +97,8 @@ pub struct RunResult {
     pub resolution: Option<[u32; 2]>,
     /// Device that rendered the run, for people, if it is finished and the device is known.
     pub device: Option<String>,
-    /// External program that rendered the run, with its version, if any, and whether its render time
-    /// is the wall-clock time of its processes.
-    pub peer: Option<(String, bool)>,
+    /// External program that rendered the run, if any.
+    pub peer: Option<Peer>,
     /// State of the run.
     pub state: RunState,
     /// Measurements, oldest first.

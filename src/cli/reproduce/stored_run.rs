@@ -152,7 +152,8 @@ pub fn load_job(
     let config = config.map_err(|e| e.to_string())?;
     let render = render_config(&config)?;
     let folder = std::fs::canonicalize(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-    let scene = load_scene(&render, started_in(&folder).as_deref(), global)?;
+    let started_in = started_in(&folder);
+    let scene = load_scene(&render, started_in.as_deref(), global)?;
     let (compiled, _) =
         compile_sharing(&scene, render.accel.instances).map_err(|e| e.to_string())?;
     let seed = config.seed.or(config.seeds.map(|[first, _]| first));
@@ -160,7 +161,7 @@ pub fn load_job(
         seed: seed.ok_or("config.json of the run has no seed")?,
         ..render.job(scene.resolution, scene.max_depth, global.threads)?
     };
-    find_shaders(&mut job.shaders, started_in(&folder).as_deref());
+    find_shaders(&mut job.shaders, started_in.as_deref());
     Ok((Arc::new(compiled), job, render.backend))
 }
 

@@ -199,17 +199,20 @@ fn techniques(study: &Study) -> Vec<String> {
 /// Returns a sentence for each technique that was rendered by an external program.
 fn external_renderers(study: &Study) -> Vec<String> {
     let mut out: Vec<String> = Vec::new();
-    for (run, (program, wall_clock)) in study
+    for (run, peer) in study
         .all()
         .filter_map(|m| Some((m.run, m.run.peer.as_ref()?)))
     {
-        let clock = if *wall_clock {
+        let clock = if peer.wall_clock {
             "; its render time is the wall-clock time of its processes, which includes starting \
              them and loading the scene"
         } else {
             ", which measures its render time itself"
         };
-        let sentence = format!("{} was rendered by {program}{clock}.", run.integrator);
+        let sentence = format!(
+            "{} was rendered by {}{clock}.",
+            run.integrator, peer.program
+        );
         if !out.contains(&sentence) {
             out.push(sentence);
         }

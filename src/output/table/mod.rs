@@ -46,11 +46,11 @@ impl Interval {
 
     /// Returns half the distance of the ends.
     fn half_width(self, mean: f64) -> f64 {
-        let (low, high) = self.ends(mean);
-        match self {
-            Interval::Half(half) => half,
-            _ => 0.5 * (high - low),
+        if let Interval::Half(half) = self {
+            return half;
         }
+        let (low, high) = self.ends(mean);
+        0.5 * (high - low)
     }
 }
 

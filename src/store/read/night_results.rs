@@ -20,6 +20,7 @@ use crate::store::schema::run::{DONE, DoneFile, REFERENCE, RunResults};
 use crate::store::{Store, StoreError};
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
+use lumbre_render::Peer;
 
 /// Reads a night from its folder. References are read from the folder `refs` beside it, and runs
 /// that an earlier night of the same name finished from that night's folder. Runs and references
@@ -147,10 +148,7 @@ fn run_result(
         max_depth: cell.max_depth,
         resolution: cell.resolution,
         device: results.map(device).filter(|device| !device.is_empty()),
-        peer: results.and_then(|results| {
-            let peer = results.open.peer.as_ref()?;
-            Some((peer.program.clone(), peer.wall_clock))
-        }),
+        peer: results.and_then(|results| results.open.peer.as_ref().map(Peer::from)),
         accel: results.map(|results| (results.open.accel_build_s, results.open.accel_nodes)),
         accel_size: results.map(|results| (results.open.accel_bytes, results.open.accel_cost)),
         reference: cell.reference,

@@ -331,10 +331,7 @@ impl From<&OpenStats> for OpenCost {
             geometry_bytes: (open.scene.geometry > 0).then_some(open.scene.geometry),
             texture_bytes: (open.scene.geometry > 0).then_some(open.scene.textures),
             threads: (open.threads > 0).then_some(open.threads),
-            peer: open.peer.as_ref().map(|peer| PeerProgram {
-                program: peer.program.clone(),
-                wall_clock: peer.wall_clock,
-            }),
+            peer: open.peer.as_ref().map(PeerProgram::from),
         }
     }
 }
@@ -353,10 +350,7 @@ impl OpenCost {
                 textures: self.texture_bytes.unwrap_or(0),
             },
             threads: self.threads.unwrap_or(0),
-            peer: self.peer.as_ref().map(|peer| Peer {
-                program: peer.program.clone(),
-                wall_clock: peer.wall_clock,
-            }),
+            peer: self.peer.as_ref().map(Peer::from),
             ..OpenStats::default()
         }
     }

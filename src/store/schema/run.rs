@@ -12,6 +12,7 @@ use crate::experiment::bias_check::BiasCheckResult;
 use crate::experiment::plan::ReferenceSource;
 use lumbre_light::film::ztest::Judged;
 use lumbre_light::value::Value;
+use lumbre_render::{OpenStats, Peer};
 
 /// Name of the last file of a run.
 pub const DONE: &str = "done.json";
@@ -337,14 +338,29 @@ records! {
     }
 }
 
+impl From<&Peer> for PeerProgram {
+    fn from(peer: &Peer) -> PeerProgram {
+        PeerProgram {
+            program: peer.program.clone(),
+            wall_clock: peer.wall_clock,
+        }
+    }
+}
+
+impl From<&PeerProgram> for Peer {
+    fn from(peer: &PeerProgram) -> Peer {
+        Peer {
+            program: peer.program.clone(),
+            wall_clock: peer.wall_clock,
+        }
+    }
+}
+
 impl RunResults {
     /// Threads of the processor that rendered; `None` on another device, or if unknown. Files from
     /// before the field `threads` state them in the line of the device only.
     pub fn threads(&self) -> Option<u32> {
-        let stated = || {
-            let (threads, _) = self.device.strip_prefix("cpu, ")?.split_once(" threads")?;
-            threads.parse().ok()
-        };
+        let stated = || OpenStats::stated_threads(&self.device);
         self.open.threads.or_else(stated)
     }
 }

@@ -11,7 +11,7 @@ mod traits;
 use glam::{Vec2, Vec3};
 
 use super::ray::{Hit, Ray, RayHits};
-use super::vertex::EdgeEnd;
+use super::vertex::{EdgeEnd, greatest_coordinate};
 use crate::math::real::{Mask, Outlined, Real, Vector, Word};
 use crate::math::simd::{F32x8, Lanes, map_array, map_vectors};
 use crate::scene::CompiledScene;
@@ -204,16 +204,6 @@ impl<R: Real> Primitives<R> {
             }
         }
     }
-}
-
-/// Returns the greatest absolute coordinate of points.
-#[inline(always)]
-fn greatest_coordinate<V: Vector>(points: &[V]) -> V::Scalar {
-    let mut greatest = V::Scalar::splat(0.0);
-    for p in points {
-        greatest = greatest.max(p.x().abs()).max(p.y().abs()).max(p.z().abs());
-    }
-    greatest
 }
 
 /// Loads three vectors per lane.

@@ -67,6 +67,16 @@ impl<R: Real> EdgeEnd<R> {
     }
 }
 
+/// Returns the greatest absolute coordinate of points: see [`EdgeEnd::extent`].
+#[inline(always)]
+pub fn greatest_coordinate<V: Vector>(points: &[V]) -> V::Scalar {
+    let mut greatest = V::Scalar::splat(0.0);
+    for p in points {
+        greatest = greatest.max(p.x().abs()).max(p.y().abs()).max(p.z().abs());
+    }
+    greatest
+}
+
 /// Returns the normal flipped to the side of `dir`.
 #[inline(always)]
 pub fn towards<V: Vector>(n: V, dir: V) -> V {

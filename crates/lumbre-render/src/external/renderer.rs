@@ -304,17 +304,10 @@ impl Renderer for ExternalRenderer {
 /// Returns the threads of the processor, 0 on another device, and the program that the first line of
 /// a server states: `cpu, 8 threads, NAME VERSION`.
 fn stated_facts(line: &str) -> (u32, Option<String>) {
-    let threads = || {
-        line.strip_prefix("cpu, ")?
-            .split_once(" threads")?
-            .0
-            .parse()
-            .ok()
-    };
     let program = line
         .rsplit_once(", ")
         .map(|(_, program)| program.to_owned());
-    (threads().unwrap_or(0), program)
+    (OpenStats::stated_threads(line).unwrap_or(0), program)
 }
 
 /// Returns the name and version of a technique's program, without commas, which separate the parts of

@@ -114,19 +114,19 @@ pub fn tables(study: &Study, items: &[ReportItem]) -> String {
         .enumerate()
         .map(|(i, m)| (m.run.id.as_str(), i))
         .collect();
-    let written = || {
+    let all = || {
         items
             .iter()
             .filter_map(|item| Some((item, item.table.as_deref()?)))
     };
     let mut out = "<section id=\"tables\">\n<h2>Tables</h2>\n".to_owned();
-    if written().any(|(_, table)| table.caption.contains(TEST)) {
+    if all().any(|(_, table)| table.caption.contains(TEST)) {
         out += &format!(
             "<p class=\"note\">{} Click a number to list its runs.</p>\n",
             escape(TEST)
         );
     }
-    let written: Vec<(&str, String)> = written()
+    let written: Vec<(&str, String)> = all()
         .map(|(item, data)| (item.section.as_str(), table(item, data, &run_index)))
         .collect();
     out + &folded(&written) + "</section>\n"

@@ -13,7 +13,7 @@ use glam::{DAffine3, DMat3, Mat3, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
 use super::mesh::on_front_side;
-use super::{CompiledScene, Emitter, NONE, Sphere, TriangleAttributes};
+use super::{CompiledScene, Emitter, NONE, TriangleAttributes};
 
 /// Greatest number of triangles and spheres to which a scene with instances is
 /// [flattened](CompiledScene::flattened) for a backend without instancing: about four gigabytes on
@@ -113,19 +113,6 @@ impl CompiledScene {
         } else {
             corners.map(|p| self.instance(instance).point(p))
         }
-    }
-
-    /// Returns the greatest absolute coordinate of a primitive in world space, and of how far an
-    /// instance was moved, in scene units: a measure of the rounding errors of its points.
-    pub fn extent(&self, primitive: u32, instance: u32) -> f32 {
-        if let Some(sphere) = (primitive as usize).checked_sub(self.triangles.len()) {
-            let Sphere { center, radius, .. } = self.spheres[sphere];
-            return center.abs().max_element() + radius;
-        }
-        let corners = self.corners(primitive, instance);
-        let greatest = corners.map(|p| p.abs().max_element());
-        let greatest = greatest.into_iter().fold(0.0, f32::max);
-        greatest.max(self.instance_extent(instance))
     }
 
     /// Returns the greatest absolute coordinate of the vector by which an instance was moved; zero

@@ -148,13 +148,6 @@ pub enum LightId {
     Environment,
 }
 
-impl LightId {
-    /// Returns whether the light is infinitely distant.
-    pub fn is_infinite(self) -> bool {
-        matches!(self, LightId::Directional(_) | LightId::Environment)
-    }
-}
-
 impl Lights {
     /// Collects the lights of a scene, chosen by their power.
     pub fn new(scene: &CompiledScene) -> Lights {
@@ -176,17 +169,17 @@ impl Lights {
             emitters + points + directionals,
         ];
         let count = first[2] + u32::from(environment_light.is_some());
-        let ids = || (0..count).map(|index| light_id(first, index));
+        let ids: Vec<LightId> = (0..count).map(|index| light_id(first, index)).collect();
         let ball = BoundingSphere::for_scene(scene);
-        let weights = select::weights(scene, select, ids(), &ball, environment_light.as_ref());
+        let weights = select::weights(scene, select, &ids, &ball, environment_light.as_ref());
         let tree = match select {
-            LightSelection::Tree => LightTree::new(scene, &ids().collect::<Vec<_>>(), &weights),
+            LightSelection::Tree => LightTree::new(scene, &ids, &weights),
             _ => None,
         };
         Lights {
             choice: AliasTable::new(weights),
             tree,
-            rows: ids().map(|id| light_rows(scene, id)).collect(),
+            rows: ids.iter().map(|id| light_rows(scene, *id)).collect(),
             first,
             environment_light,
             ball,
@@ -269,6 +262,12 @@ impl Lights {
         let (index, probability) = self.choice.as_ref()?.sample(choice);
         Some((index as u32, probability))
     }
+}
+
+/// Returns the position of the first infinitely distant light; they are the last ones.
+fn first_distant(ids: &[LightId]) -> usize {
+    let is_distant = |id: &LightId| matches!(id, LightId::Directional(_) | LightId::Environment);
+    ids.iter().position(is_distant).unwrap_or(ids.len())
 }
 
 /// Returns the identity of the light with an index, from [`Lights::first`].

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::bounds::BoundingSphere;
 use super::environment::EnvironmentLight;
-use super::{LightId, area, luminance};
+use super::{LightId, area, first_distant, luminance};
 use crate::scene::CompiledScene;
 use crate::scene::compile::{NONE, Texture};
 use crate::transport::surface::lookup;
@@ -19,8 +19,8 @@ pub const FIELD: Field = Field {
     default: "power",
     doc: "how likely each light is chosen: all alike, in proportion to its area (as in S0, see \
           docs/inside/transport.md), or to the power that it sends into the scene, where lights at \
-          infinity and others have at least a third each; or by a tree over the lights, in about proportion to the light that each may send to the shaded point \
-          [Conty Estevez and Kulla 2018], on the CPU",
+          infinity and others have at least a third each; or by a tree over the lights, in about \
+          proportion to the light that each may send to the shaded point [Conty Estevez and Kulla 2018], on the CPU",
 };
 
 /// The probability with which each light is chosen.
@@ -85,7 +85,7 @@ const LEAST_SHARE: f64 = 1.0 / 3.0;
 pub(super) fn weights(
     scene: &CompiledScene,
     select: LightSelection,
-    ids: impl Iterator<Item = LightId>,
+    ids: &[LightId],
     ball: &BoundingSphere,
     environment_light: Option<&EnvironmentLight>,
 ) -> Vec<f64> {
@@ -99,54 +99,34 @@ pub(super) fn weights(
     let without_area = if mean_area > 0.0 { mean_area } else { 1.0 };
     let brightness: Vec<f64> = scene.textures.iter().map(mean_luminance).collect();
     let disk = f64::from(ball.disk_area());
-    let (ids, distant): (Vec<LightId>, Vec<bool>) = ids.map(|id| (id, id.is_infinite())).unzip();
-    let mut weights: Vec<f64> = ids
-        .into_iter()
-        .map(|id| match (select, id) {
-            (LightSelection::Uniform, _) => 1.0,
-            (LightSelection::Area, LightId::Emitter(i)) => {
-                f64::from(scene.emitters[i as usize].area)
-            }
-            (LightSelection::Area, _) => without_area,
-            (_, LightId::Emitter(i)) => emitter_power(scene, i, &brightness),
-            (_, LightId::Point(i)) => {
-                let light = &scene.points[i as usize];
-                4.0 * std::f64::consts::PI * light.cone.mean_falloff() * luminance(light.intensity)
-            }
-            (_, LightId::Directional(i)) => {
-                disk * luminance(scene.directionals[i as usize].irradiance)
-            }
-            (_, LightId::Environment) => {
-                disk * environment_light.map_or(0.0, EnvironmentLight::power)
-            }
-        })
-        .collect();
+    let weight = |id: LightId| match (select, id) {
+        (LightSelection::Uniform, _) => 1.0,
+        (LightSelection::Area, LightId::Emitter(i)) => f64::from(scene.emitters[i as usize].area),
+        (LightSelection::Area, _) => without_area,
+        (_, LightId::Emitter(i)) => emitter_power(scene, i, &brightness),
+        (_, LightId::Point(i)) => {
+            let light = &scene.points[i as usize];
+            4.0 * std::f64::consts::PI * light.cone.mean_falloff() * luminance(light.intensity)
+        }
+        (_, LightId::Directional(i)) => disk * luminance(scene.directionals[i as usize].irradiance),
+        (_, LightId::Environment) => disk * environment_light.map_or(0.0, EnvironmentLight::power),
+    };
+    let mut weights: Vec<f64> = ids.iter().map(|id| weight(*id)).collect();
     if matches!(select, LightSelection::Power | LightSelection::Tree) {
-        share(&mut weights, &distant);
+        share(weights.split_at_mut(first_distant(ids)));
     }
     weights
 }
 
 /// Raises the weights of distant lights, or those of all others, to [`LEAST_SHARE`] of the sum.
 /// Weights are unchanged if both shares are above, or if one is zero.
-fn share(weights: &mut [f64], distant: &[bool]) {
-    let sum_of = |which: bool| -> f64 {
-        let some = weights.iter().zip(distant).filter(|(_, d)| **d == which);
-        some.map(|(w, _)| w).sum()
-    };
-    let sums = [sum_of(false), sum_of(true)];
-    let total: f64 = sums.iter().sum();
-    for which in [false, true] {
-        let (own, other) = (sums[usize::from(which)], sums[usize::from(!which)]);
-        if 0.0 < own && own < LEAST_SHARE * total {
+fn share((near, distant): (&mut [f64], &mut [f64])) {
+    let sums = [&*near, &*distant].map(|weights| weights.iter().sum::<f64>());
+    let least = LEAST_SHARE * (sums[0] + sums[1]);
+    for (weights, own, other) in [(near, sums[0], sums[1]), (distant, sums[1], sums[0])] {
+        if 0.0 < own && own < least {
             let factor = LEAST_SHARE / (1.0 - LEAST_SHARE) * other / own;
-            for (weight, _) in weights
-                .iter_mut()
-                .zip(distant)
-                .filter(|(_, d)| **d == which)
-            {
-                *weight *= factor;
-            }
+            weights.iter_mut().for_each(|weight| *weight *= factor);
         }
     }
 }
@@ -184,7 +164,6 @@ mod tests {
 
     #[test]
     fn neither_distant_lights_nor_others_fall_below_a_third() {
-        let distant = [false, false, true, true];
         for (mut weights, expected) in [
             ([1.0, 3.0, 100.0, 300.0], [50.0, 150.0, 100.0, 300.0]),
             ([100.0, 300.0, 3.0, 1.0], [100.0, 300.0, 150.0, 50.0]),
@@ -192,7 +171,7 @@ mod tests {
             ([0.0, 0.0, 4.0, 2.0], [0.0, 0.0, 4.0, 2.0]),
             ([2.0, 1.0, 0.0, 0.0], [2.0, 1.0, 0.0, 0.0]),
         ] {
-            share(&mut weights, &distant);
+            share(weights.split_at_mut(2));
             for (weight, expected) in weights.into_iter().zip(expected) {
                 assert!((weight - expected).abs() < 1e-9, "{weights:?}");
             }

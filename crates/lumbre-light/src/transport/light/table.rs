@@ -7,6 +7,7 @@ use crate::math::real::{Mask, Real, Vector};
 use crate::math::simd::{F32x8, Lanes, active_lanes, map_array};
 use crate::scene::CompiledScene;
 use crate::scene::compile::NONE;
+use crate::transport::vertex::greatest_coordinate;
 
 /// Kinds of lights, as numbers of the last column of a light's rows. Lanes without a light have the
 /// kind 0.
@@ -17,8 +18,8 @@ pub(super) const DIRECTIONAL: f32 = 4.0;
 pub(super) const ENVIRONMENT: f32 = 5.0;
 
 /// Rows of one light. The second row ends with radiance (intensity of a point light, irradiance of a
-/// directional light), a flag, the extent
-/// ([`EdgeEnd::extent`]) of a primitive or 0, and the kind.
+/// directional light), a flag, the extent of a primitive
+/// ([`EdgeEnd::extent`](crate::transport::vertex::EdgeEnd::extent)) or 0, and the kind.
 ///
 /// | kind | first row | start of the second row | flag |
 /// |---|---|---|---|
@@ -60,17 +61,19 @@ pub(super) fn light_rows(scene: &CompiledScene, light: LightId) -> LightRows {
             let m = super::area::material(scene, i);
             set_radiance(m.emission);
             second[1] = emitter.area;
-            second[6] = scene.extent(emitter.primitive, emitter.instance);
             second[5] = flag(m.mask_texture != NONE || m.emission_texture != NONE);
             match super::area::sphere(scene, i) {
                 None => {
                     let [a, b, c] = scene.corners(emitter.primitive, emitter.instance);
                     *first = [a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y];
                     (second[0], second[7]) = (c.z, TRIANGLE);
+                    let moved = scene.instance_extent(emitter.instance);
+                    second[6] = greatest_coordinate(&[a, b, c]).max(moved);
                 }
                 Some(sphere) => {
                     first[..3].copy_from_slice(&sphere.center.to_array());
                     (first[3], second[7]) = (sphere.radius, SPHERE);
+                    second[6] = greatest_coordinate(&[sphere.center]) + sphere.radius;
                 }
             }
         }

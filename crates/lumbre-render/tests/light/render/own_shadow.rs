@@ -24,27 +24,17 @@ fn turned() -> Quat {
 /// lamp in front of them. With `tree`, there are too many triangles for a scene without a tree.
 fn corner(size: f32, turn: Quat, tree: bool) -> Arc<CompiledScene> {
     let at = |x: f32, y: f32, z: f32| turn * (Vec3::new(x, y, z) * size);
-    let quad = |b: SceneBuilder, [corner, to_a, to_b]: [Vec3; 3], material| {
-        b.quad(corner, to_a, to_b, material)
-    };
-    let mut b = SceneBuilder::new(at(0.5, 0.5, 0.5), at(0.0, 0.02, 0.01), 70.0);
-    b = quad(
-        b,
-        [Vec3::ZERO, at(0.0, 1.0, 0.0), at(0.0, 0.0, 1.0)],
-        grey(0.6),
-    );
-    b = quad(
-        b,
-        [Vec3::ZERO, at(0.0, 0.0, 1.0), at(1.0, 0.0, 0.0)],
-        grey(0.7),
-    );
-    b = quad(
-        b,
-        [Vec3::ZERO, at(1.0, 0.0, 0.0), at(0.0, 1.0, 0.0)],
-        grey(0.5),
-    );
-    let lamp = [at(0.5, 0.9, 0.3), at(0.2, 0.0, 0.0), at(0.0, 0.0, 0.3)];
-    b = quad(b, lamp, light(9.0));
+    let [x, y, z] = [at(1.0, 0.0, 0.0), at(0.0, 1.0, 0.0), at(0.0, 0.0, 1.0)];
+    let mut b = SceneBuilder::new(at(0.5, 0.5, 0.5), at(0.0, 0.02, 0.01), 70.0)
+        .quad(Vec3::ZERO, y, z, grey(0.6))
+        .quad(Vec3::ZERO, z, x, grey(0.7))
+        .quad(Vec3::ZERO, x, y, grey(0.5))
+        .quad(
+            at(0.5, 0.9, 0.3),
+            at(0.2, 0.0, 0.0),
+            at(0.0, 0.0, 0.3),
+            light(9.0),
+        );
     if tree {
         for i in 0..200 {
             let z = 2.0 + 0.01 * i as f32;

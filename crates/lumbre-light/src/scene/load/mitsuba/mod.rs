@@ -127,11 +127,7 @@ impl MitsubaLoader {
         // Textures with an id are read where they are referenced.
         root.children("texture").for_each(drop);
         let (camera, resolution) = match root.children("sensor").next() {
-            Some(o) => {
-                let (camera, resolution) = sensor::read(o, &mut self.notes)?;
-                sensor::note_clipping(o, &camera, &self.entities, &mut self.notes)?;
-                (camera, resolution)
-            }
+            Some(o) => sensor::read(o, &self.entities, &mut self.notes)?,
             None => {
                 self.notes.push(
                     root.note("the scene has no sensor; a camera that frames the origin is used"),

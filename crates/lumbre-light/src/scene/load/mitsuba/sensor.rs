@@ -17,9 +17,10 @@ const DEFAULT_FAR_CLIP: f64 = 1e4;
 /// Width and height in millimetres of the film to which `focal_length` refers.
 const FILM_35MM: [f64; 2] = [36.0, 24.0];
 
-/// Reads a camera and the resolution of its film.
+/// Reads a camera and the resolution of its film. `entities` are what it may see.
 pub(super) fn read(
     o: &XmlObject,
+    entities: &[EntityDesc],
     notes: &mut Vec<Note>,
 ) -> Result<(CameraDesc, [u32; 2]), SceneError> {
     let thin = match o.plugin.as_str() {
@@ -67,12 +68,13 @@ pub(super) fn read(
     } else {
         o.mark_read(&["focus_distance"]);
     }
+    note_clipping(o, &camera, entities, notes)?;
     Ok((camera, resolution))
 }
 
 /// Notes that Mitsuba cuts off what lies beyond `far_clip`, if anything may. Its camera rays end
 /// there, along the viewing direction; those of this program do not.
-pub(super) fn note_clipping(
+fn note_clipping(
     o: &XmlObject,
     camera: &CameraDesc,
     entities: &[EntityDesc],

@@ -20,7 +20,7 @@ mod build;
 use glam::Vec3;
 
 use self::bounds::LightBounds;
-use super::{LightId, area};
+use super::{LightId, area, first_distant};
 use crate::math::distribution::AliasTable;
 use crate::math::rng::pcg4d;
 use crate::scene::CompiledScene;
@@ -81,8 +81,7 @@ impl LightTree {
     /// Builds the tree over lights with these identities and powers. Infinitely distant lights are
     /// the last ones. Lights without power are never chosen. Returns `None` if no light has any.
     pub fn new(scene: &CompiledScene, ids: &[LightId], powers: &[f64]) -> Option<LightTree> {
-        let infinite = ids.iter().position(|id| id.is_infinite());
-        let first_distant = infinite.unwrap_or(ids.len());
+        let first_distant = first_distant(ids);
         let total: f64 = powers[..first_distant].iter().sum();
         let lights = ids[..first_distant].iter().zip(powers).zip(0..);
         let lights = lights.filter(|((_, power), _)| **power > 0.0);
