@@ -83,6 +83,16 @@ impl Terminal {
         self.tmux(&[&["send-keys"], keys].concat());
     }
 
+    /// Presses keys until the screen holds a text: a key that comes between two cells is dropped.
+    fn press_until(&self, keys: &[&str], text: &str) {
+        let since = Instant::now();
+        while !self.screen().contains(text) {
+            assert!(since.elapsed() < MAX_WAIT, "{}", self.screen());
+            self.press(keys);
+            std::thread::sleep(Duration::from_secs(2));
+        }
+    }
+
     /// Waits until the screen holds all of these texts, and returns the screen.
     fn wait_for(&self, texts: &[&str]) -> String {
         let since = Instant::now();
@@ -155,8 +165,7 @@ fn the_dashboard_handles_keys_commands_and_resizes_while_another_terminal_watche
 
     night.press(&["p"]);
     night.wait_for(&["paused", "resume"]);
-    night.press(&["R"]);
-    night.wait_for(&["restarted on"]);
+    night.press_until(&["R"], "restarted on");
     night.press(&["?"]);
     night.wait_for(&["Keys and symbols"]);
     night.press(&["Escape"]);

@@ -414,9 +414,6 @@ pub struct BackendRow {
     pub blends: bool,
     /// Whether a tree can choose lights. If not, plans that request it are refused.
     pub light_trees: bool,
-    /// Whether textures may have the filter `nearest`. If not, plans that use a scene with such
-    /// textures on it are refused.
-    pub nearest: bool,
     /// Whether paths may continue in uniform directions. If not, plans that request it are refused.
     pub uniform_directions: bool,
     /// Material models that it supports. Plans that use a scene with others on it are refused.

@@ -10,16 +10,15 @@ use super::memory::upload;
 use lumbre_light::film::layer::LayerLayout;
 use lumbre_light::film::time;
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::scene::compile::{MAX_FLATTENED_PRIMITIVES, Material, NONE, Texture};
-use lumbre_light::scene::desc::TextureFilter;
+use lumbre_light::scene::compile::{MAX_FLATTENED_PRIMITIVES, Material, NONE};
 use lumbre_light::transport::integrator::settings::has_uniform_directions;
 use lumbre_light::transport::light::LightSelection;
 use lumbre_render::Job;
 
 /// Returns the scene as the device can render it: flattened if it has instances and the device no
 /// double precision, in which instances are placed as on the CPU. Fails if weights of a composed
-/// material have a texture, if a texture takes the nearest texel, or if the job chooses lights by a
-/// tree or continues paths in uniform directions.
+/// material have a texture, or if the job chooses lights by a tree or continues paths in uniform
+/// directions.
 pub(super) fn supported_scene<'a>(
     device: &Device,
     scene: &'a CompiledScene,
@@ -35,13 +34,6 @@ pub(super) fn supported_scene<'a>(
         return Err(VulkanError::Lacks {
             device: device.info.line(),
             needed: "a tree over lights".to_owned(),
-        });
-    }
-    let nearest = |t: &Texture| t.lookup.filter == TextureFilter::Nearest;
-    if scene.textures.iter().any(nearest) {
-        return Err(VulkanError::Lacks {
-            device: device.info.line(),
-            needed: "the texture filter `nearest`".to_owned(),
         });
     }
     if has_uniform_directions(&job.params) {

@@ -531,15 +531,6 @@ fn refusal(
                 .to_owned(),
         );
     }
-    if !backend.nearest
-        && let Some(m) = scene.materials.iter().find(|m| m.has_nearest_texture())
-    {
-        return Some(format!(
-            "it does not support the texture filter `nearest`, as in `{}`: set its \
-             `texture_filter` to `bilinear`, or use `cpu`",
-            m.name
-        ));
-    }
     if !backend.uniform_directions && has_uniform_directions(&config.params) {
         return Some(
             "it does not continue paths in uniform directions: leave out `directions = \

@@ -7,6 +7,7 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{
     Distribution, Interface, Lookup, MaskMode, Material, Model, NONE, Texture, UvMap, Wrap,
 };
+use lumbre_light::scene::desc::TextureFilter;
 use lumbre_light::transport::bsdf::{Bsdf, TransportMode};
 use lumbre_light::transport::ray::{Hit, Ray};
 use lumbre_light::transport::surface::{Surface, coverage, is_masked_out};
@@ -136,7 +137,7 @@ fn many_materials() -> (Arc<CompiledScene>, Job) {
         },
         Lookup {
             wrap: [Wrap::Repeat; 2],
-            filter: Default::default(),
+            filter: TextureFilter::Nearest,
             second: true,
             map: Some(map),
         },

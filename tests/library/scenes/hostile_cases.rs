@@ -320,11 +320,7 @@ pub fn scenes_in_xml() -> Vec<Case> {
             vec![("a.xml", xml(&tubes))],
             "triangles in total",
         ),
-        (
-            "100 checkerboards",
-            vec![("a.xml", xml(&boards))],
-            "checkerboards",
-        ),
+        ("100 checkerboards", vec![("a.xml", xml(&boards))], ""),
         (
             "nested components that double",
             vec![(

@@ -68,7 +68,7 @@ pub fn scenes_of_pbrt() -> Vec<Case> {
         (
             "100 checkerboards of pbrt",
             vec![("a.pbrt", world(&boards))],
-            "checkerboards",
+            "",
         ),
         (
             "mixes that double nine times",

@@ -20,10 +20,12 @@ fn around(inner: &str) -> String {
     )
 }
 
+/// Reads a scene around some XML, beside the image `grey.png`.
 fn read(inner: &str) -> (SceneDesc, String) {
-    let (desc, notes) = Folder::new(&[("a.xml", &around(inner))])
-        .load("a.xml")
-        .unwrap_or_else(|e| panic!("{e}"));
+    let folder = Folder::new(&[("a.xml", &around(inner))]);
+    let grey = image::GrayImage::from_fn(2, 2, |x, _| image::Luma([100 * x as u8]));
+    grey.save(folder.path("grey.png")).unwrap();
+    let (desc, notes) = folder.load("a.xml").unwrap_or_else(|e| panic!("{e}"));
     (desc, lines(&notes))
 }
 
@@ -39,10 +41,8 @@ fn surface(xml: &str) -> (MaterialDesc, String) {
     let (desc, notes) = read(&format!(
         "{xml}<shape type=\"rectangle\"><ref id=\"s\"/></shape>"
     ));
-    (
-        desc.materials[desc.material_index("s").unwrap()].clone(),
-        notes,
-    )
+    let m = desc.materials[desc.material_index("s").unwrap()].clone();
+    (m, notes)
 }
 
 #[test]
@@ -182,7 +182,7 @@ fn bsdf_plugins_become_the_matching_models() {
     assert!(!m.one_sided, "it is two-sided inside of the mask");
     assert_eq!(m.base_color, Vec3::splat(0.5));
     let (m, notes) = surface(
-        r#"<bsdf type="bumpmap" id="s"><texture type="checkerboard" name="any"><transform name="to_uv"><scale value="4"/></transform>
+        r#"<bsdf type="bumpmap" id="s"><texture type="bitmap" name="any"><string name="filename" value="grey.png"/><transform name="to_uv"><scale value="4"/></transform>
 </texture><float name="scale" value="0.02"/><bsdf type="twosided"><bsdf type="roughplastic"/></bsdf></bsdf>"#,
     );
     assert_eq!(
@@ -193,6 +193,10 @@ fn bsdf_plugins_become_the_matching_models() {
         m.texture(TextureSlot::Bump).is_some() && notes.contains("by up to 6 %"),
         "{notes}"
     );
+    let (m, notes) = surface(
+        r#"<bsdf type="bumpmap" id="s"><texture type="checkerboard"/><bsdf type="diffuse"/></bsdf>"#,
+    );
+    assert!(m.textures.is_empty() && notes.contains("has no slopes"));
     let (m, notes) = surface(r#"<bsdf type="hair" id="s"><float name="x" value="1"/></bsdf>"#);
     assert!(
         m.model == Model::Lambert && notes.contains("`hair` is not supported"),
@@ -203,7 +207,7 @@ fn bsdf_plugins_become_the_matching_models() {
 #[test]
 fn a_blend_is_composed_of_its_two_surfaces() {
     let (desc, notes) = read(
-        r#"<bsdf type="bumpmap" id="s"><texture type="checkerboard" name="any"/>
+        r#"<bsdf type="bumpmap" id="s"><texture type="bitmap" name="any"><string name="filename" value="grey.png"/></texture>
 <bsdf type="blendbsdf"><float name="weight" value="0.25"/>
 <bsdf type="twosided"><bsdf type="diffuse"/></bsdf><bsdf type="conductor"/></bsdf></bsdf>
 <bsdf type="blendbsdf" id="t"><texture type="checkerboard" name="weight"/>

@@ -251,7 +251,8 @@ fn textures_are_decoded_scaled_and_mapped() {
     };
     // The first row is the top one: the second colour at the left, the first one at the bottom
     // left.
-    assert_eq!((t[0][2], t[255 * 256][0]), (1.0, 1.0));
+    assert_eq!((t[0][2], t[2][0]), (1.0, 1.0));
+    assert_eq!(m.lookup(base).filter, TextureFilter::Nearest);
     assert!(!notes.contains("mean"), "{notes}");
     let at = m.lookup(base).map.unwrap().transform_point2(Vec2::ONE);
     assert_eq!(at, Vec2::splat(2.0), "an image has two fields");

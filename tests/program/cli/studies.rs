@@ -102,17 +102,16 @@ fn devices_refuse_what_they_lack_when_planned() {
             .join(" ");
         (ended.status, text)
     };
-    let (status, error) = plan("texture_filter", &[]);
-    assert!(
-        status == 2 && error.contains("does not support the texture filter `nearest`"),
-        "{error}"
-    );
     let (status, error) = plan("bsdf_sampling", &[]);
+    if error.contains("no usable graphics device") && std::env::var_os("REQUIRE_DEVICE").is_none() {
+        println!("SKIPPED: no graphics device");
+        return;
+    }
     assert!(
         status == 2 && error.contains("paths in uniform directions"),
         "{error}"
     );
-    for script in ["smooth_normals", "environment_sampling"] {
+    for script in ["texture_filter", "smooth_normals", "environment_sampling"] {
         let (status, error) = plan(script, &[]);
         assert_eq!(status, 0, "{script}: {error}");
     }

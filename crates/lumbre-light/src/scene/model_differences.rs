@@ -14,6 +14,10 @@ pub(super) const BUMPS: &str = "slopes of height maps are differences over one t
                                 derivatives in Mitsuba: steep maps of few texels differ by up to \
                                 7 %";
 
+/// Bump maps whose texels are not interpolated, such as checkerboards.
+pub(super) const STEPPED_BUMPS: &str = "a bump map that is not interpolated has no slopes but at \
+                                        the edges of its texels; ignored";
+
 /// Normals of normal maps that face away from the viewer or the light.
 pub(super) const NORMALS: &str = "bent normals that face away are turned and shadowed in Mitsuba \
                                   (`flip_invalid_normals`, `use_shadowing_function`), but not here: \

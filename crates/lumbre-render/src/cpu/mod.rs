@@ -37,7 +37,6 @@ pub const ROW: BackendRow = BackendRow {
     times: true,
     blends: true,
     light_trees: true,
-    nearest: true,
     uniform_directions: true,
     models: &Model::ALL,
     refuses: |_, _, _| None,

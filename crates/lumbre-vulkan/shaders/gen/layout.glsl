@@ -152,6 +152,7 @@ struct Texture {
     uint width; // Width in texels.
     uint height; // Height in texels.
     uvec2 wrap; // Wrap mode along u and v: WRAP_REPEAT and so on.
+    uint nearest; // 1 if the filter is `nearest`, 0 if it is bilinear.
     uint second; // 1 if the second set of texture coordinates is used, else 0.
     uint moved; // 1 if coordinates are transformed by the map below, else 0.
     vec2 map_u; // Image of the u axis under the map.

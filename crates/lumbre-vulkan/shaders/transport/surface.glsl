@@ -101,14 +101,25 @@ vec2 texture_place(uint index, Uv uv, float scale, vec2 offset) {
         + textures[index].map_origin;
 }
 
-// Returns the colour interpolated between the centres of four texels: see `Texture::bilinear`.
-vec3 texture_bilinear(uint index, vec2 place) {
+// Returns the texel of an axis that contains a coordinate, twice, from the two around it.
+uvec2 containing(uvec2 around, inout float weight) {
+    uint one = weight < 0.5 ? around.x : around.y;
+    weight = 0.0;
+    return uvec2(one);
+}
+
+// Returns the colour at image coordinates: see `Texture::filtered`.
+vec3 texture_filtered(uint index, vec2 place) {
     Texture t = textures[index];
     vec2 f;
     uvec2 x = neighbours(place.x, t.width, t.wrap.x, f.x);
     // Row 0 is the top of the picture and v = 0 its bottom; with repetition these coincide.
     float top = t.wrap.y == WRAP_REPEAT ? 0.0 : 1.0;
     uvec2 y = neighbours(top - place.y, t.height, t.wrap.y, f.y);
+    if (t.nearest != 0u) {
+        x = containing(x, f.x);
+        y = containing(y, f.y);
+    }
     uvec2 rows = t.first + y * t.width;
     vec3 upper = mix(texel_at(rows.x + x.x), texel_at(rows.x + x.y), f.x);
     vec3 lower = mix(texel_at(rows.y + x.x), texel_at(rows.y + x.y), f.x);
@@ -120,7 +131,7 @@ vec3 texture_color(uint index, Uv uv, uint material) {
     vec2 place = texture_place(
         index, uv, materials[material].tiling_scale, materials[material].tiling_offset
     );
-    return texture_bilinear(index, place);
+    return texture_filtered(index, place);
 }
 
 // Returns the colour of a texture of a parameter, or white without a texture.
@@ -248,7 +259,7 @@ void surface_emboss(inout Surface s, Face face, Hit hit, vec3 smooth_normal) {
         float side = (i & 1) == 0 ? 1.0 : -1.0;
         vec2 along = i < 2 ? vec2(1.0, 0.0) : vec2(0.0, 1.0);
         slopes += along
-            * (side * texture_bilinear(bump_map, place + along * texel * (0.5 * side)).x);
+            * (side * texture_filtered(bump_map, place + along * texel * (0.5 * side)).x);
     }
     slopes /= texel;
     // Slopes along the map's own coordinates, then along those of the surface.

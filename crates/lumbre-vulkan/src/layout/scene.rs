@@ -190,6 +190,8 @@ super::gpu_structs! {
         height: u32,
         /// Wrap mode along u and v: WRAP_REPEAT and so on.
         wrap: [u32; 2],
+        /// 1 if the filter is `nearest`, 0 if it is bilinear.
+        nearest: u32,
         /// 1 if the second set of texture coordinates is used, else 0.
         second: u32,
         /// 1 if coordinates are transformed by the map below, else 0.

@@ -18,6 +18,7 @@ use lumbre_light::film::layer::{Layer, LayerLayout};
 use lumbre_light::film::time::TimeFilter;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{self, MaskMode, Model, NONE};
+use lumbre_light::scene::desc::TextureFilter;
 use lumbre_light::transport::camera::{Camera, FilterKind};
 use lumbre_light::transport::integrator::Settings;
 use lumbre_light::transport::light::{LightSelection, Lights};
@@ -371,6 +372,7 @@ fn textures(
             width: t.width,
             height: t.height,
             wrap: t.lookup.wrap.map(|wrap| wrap as u32),
+            nearest: (t.lookup.filter == TextureFilter::Nearest).into(),
             second: t.lookup.second.into(),
             moved: t.lookup.map.is_some().into(),
             map_u: map.matrix2.x_axis.into(),

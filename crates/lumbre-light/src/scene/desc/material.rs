@@ -6,8 +6,7 @@ use glam::{Vec2, Vec3};
 
 use super::delay::DelayDesc;
 use super::{
-    Distribution, FilterChoice, Lookup, MaskMode, Model, ShadingNormals, TextureDesc,
-    TextureFilter, TextureSlot,
+    Distribution, FilterChoice, Lookup, MaskMode, Model, ShadingNormals, TextureDesc, TextureSlot,
 };
 
 /// A material as specified by its file.
@@ -167,13 +166,6 @@ impl MaterialDesc {
             .iter()
             .find(|(s, _)| *s == slot)
             .map_or_else(Lookup::default, |(_, lookup)| *lookup)
-    }
-
-    /// Returns whether any texture takes the nearest texel.
-    pub fn has_nearest_texture(&self) -> bool {
-        let filter = |slot| self.texture_filter.apply(self.lookup(slot).filter);
-        let mut slots = self.textures.iter().map(|(slot, _)| *slot);
-        slots.any(|slot| filter(slot) == TextureFilter::Nearest)
     }
 
     /// Sets the texture of a slot and its mapping.

@@ -39,11 +39,6 @@ const MAX_DERIVED_RATIO: u64 = 64;
 /// Memory for derived images that is always allowed, in bytes.
 const SMALL_DERIVED_BYTES: u64 = 256 << 20;
 
-/// Side of the image of a checkerboard in texels: edges are blurred over a 128th of a field.
-const CHECKERBOARD_SIZE: u32 = 256;
-/// Greatest number of checkerboards with different colours in a scene: each takes a megabyte.
-const MAX_CHECKERBOARDS: usize = 64;
-
 /// The images of one scene, each file read once, and images derived from them.
 #[derive(Default)]
 pub(super) struct ImageCache {
@@ -51,8 +46,6 @@ pub(super) struct ImageCache {
     files: BTreeMap<PathBuf, Arc<TextureDesc>>,
     /// Derived images by the content hash of their source and the name of the function.
     derived: BTreeMap<([u8; 32], String), Arc<TextureDesc>>,
-    /// Checkerboards by the bits of their colours.
-    checkerboards: BTreeMap<[u32; 6], Arc<TextureDesc>>,
     /// Size of all images read, in bytes.
     read_bytes: u64,
     /// Size of all derived images, in bytes.
@@ -154,23 +147,6 @@ impl ImageCache {
         Ok(texture)
     }
 
-    /// Returns the image of a checkerboard of 2 by 2 fields, generated once for each pair of colours;
-    /// the first colour is at the top left and at the bottom right.
-    ///
-    /// # Errors
-    /// Returns a message if the scene has too many different ones.
-    pub fn checkerboard(&mut self, colors: [Vec3; 2]) -> Result<Arc<TextureDesc>, String> {
-        let bits = colors.map(|c| c.to_array().map(f32::to_bits));
-        let key = std::array::from_fn(|i| bits[i / 3][i % 3]);
-        if !self.checkerboards.contains_key(&key) && self.checkerboards.len() >= MAX_CHECKERBOARDS {
-            return Err(format!(
-                "more than {MAX_CHECKERBOARDS} checkerboards with different colours"
-            ));
-        }
-        let image = self.checkerboards.entry(key);
-        Ok(image.or_insert_with(|| checkerboard_image(colors)).clone())
-    }
-
     /// Returns a height map of one channel: coloured images are converted to luminance [ITU-R
     /// BT.709].
     ///
@@ -191,20 +167,11 @@ impl ImageCache {
     }
 }
 
-/// Returns the image of a checkerboard.
-fn checkerboard_image(colors: [Vec3; 2]) -> Arc<TextureDesc> {
-    let field =
-        |x: u32, y: u32| usize::from((x < CHECKERBOARD_SIZE / 2) != (y < CHECKERBOARD_SIZE / 2));
-    let at = |i: u32| {
-        let c = colors[field(i % CHECKERBOARD_SIZE, i / CHECKERBOARD_SIZE)];
-        [c.x, c.y, c.z, 1.0]
-    };
-    Arc::new(TextureDesc::new(
-        "",
-        CHECKERBOARD_SIZE,
-        CHECKERBOARD_SIZE,
-        Texels::RgbaF32((0..CHECKERBOARD_SIZE * CHECKERBOARD_SIZE).map(at).collect()),
-    ))
+/// Returns the image of a checkerboard, a texel for each of its 2 by 2 fields: the first colour is at
+/// the top left and at the bottom right. Its edges are sharp with the filter `nearest`.
+pub(super) fn checkerboard([first, second]: [Vec3; 2]) -> Arc<TextureDesc> {
+    let texels = [first, second, second, first].map(|c| [c.x, c.y, c.z, 1.0]);
+    Arc::new(TextureDesc::new("", 2, 2, Texels::RgbaF32(texels.into())))
 }
 
 /// Returns the size of texels in bytes.

@@ -36,7 +36,7 @@ Profile delay_profile_at(uint row, Uv uv) {
     [[dont_unroll]] for (uint i = 0u; i < 2u; ++i) {
         if (d.textures[i] != NONE) {
             vec2 place = texture_place(d.textures[i], uv, d.tiling_scale, d.tiling_offset);
-            texels[i] = texture_bilinear(d.textures[i], place).x;
+            texels[i] = texture_filtered(d.textures[i], place).x;
         }
     }
     return Profile(d.kind, d.offset + d.value * texels, d.knots);

@@ -35,6 +35,7 @@ pub(super) fn set_emission(
     textures: &mut TextureReader,
     notes: &mut Vec<Note>,
 ) -> Result<(), SceneError> {
+    o.mark_read(&["sampling_weight"]);
     if let Some(t) = as_texture(o.property("radiance")) {
         if let Some(read) = textures.read(t, notes)? {
             if let Err(e) = read.apply_to(material, TextureSlot::Emission) {

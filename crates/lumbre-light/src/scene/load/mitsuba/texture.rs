@@ -10,7 +10,7 @@ use crate::scene::compile::srgb_to_linear;
 use crate::scene::desc::{
     Lookup, MaterialDesc, NoInverse, Texels, TextureDesc, TextureFilter, TextureSlot, Wrap,
 };
-use crate::scene::load::images::ImageCache;
+use crate::scene::load::images::{self, ImageCache};
 use crate::scene::load::{MissingTextures, with_lenient_hint};
 use crate::scene::{Note, SceneError};
 
@@ -25,6 +25,11 @@ pub(super) struct LoadedTexture {
 }
 
 impl LoadedTexture {
+    /// Returns whether values are interpolated between texels.
+    pub fn is_interpolated(&self) -> bool {
+        self.filter == TextureFilter::Bilinear
+    }
+
     /// Sets the texture of a material's slot. A uniform scale and the offset of the first texture
     /// become the material's own; the rest of `to_uv` is stored with the texture.
     ///
@@ -144,15 +149,12 @@ impl TextureReader {
         let to_uv = o.transform("to_uv")?;
         match o.plugin.as_str() {
             "bitmap" => self.bitmap(o, to_uv, notes),
-            "checkerboard" => {
-                let image = self.checkerboard(o, notes)?;
-                Ok(Some(LoadedTexture {
-                    image,
-                    to_uv,
-                    wrap: Wrap::Repeat,
-                    filter: TextureFilter::Bilinear,
-                }))
-            }
+            "checkerboard" => Ok(Some(LoadedTexture {
+                image: checkerboard(o, notes)?,
+                to_uv,
+                wrap: Wrap::Repeat,
+                filter: TextureFilter::Nearest,
+            })),
             other => {
                 let shown = super::values::truncated(other);
                 notes.push(o.note(format!("the texture `{shown}` is not supported; ignored")));
@@ -210,27 +212,6 @@ impl TextureReader {
         }))
     }
 
-    /// Returns the image of a `checkerboard`, generated once for each pair of colours.
-    fn checkerboard(
-        &mut self,
-        o: &XmlObject,
-        notes: &mut Vec<Note>,
-    ) -> Result<Arc<TextureDesc>, SceneError> {
-        let mut colors = [Vec3::splat(0.4), Vec3::splat(0.2)];
-        for (color, key) in colors.iter_mut().zip(["color0", "color1"]) {
-            if let Some(Property::Object(_)) = o.property(key) {
-                notes.push(o.note(format!(
-                    "textures as `{key}` of a checkerboard are not supported; ignored"
-                )));
-            } else if let Some(given) = o.color(key)? {
-                *color = given;
-            }
-        }
-        self.images
-            .checkerboard(colors)
-            .map_err(|problem| o.error(problem))
-    }
-
     /// Returns the image of a file beside the scene. Raw images are converted to floats, which no
     /// slot decodes from sRGB.
     pub fn image(
@@ -258,4 +239,19 @@ impl TextureReader {
         }
         Ok(Some(image))
     }
+}
+
+/// Returns the image of a `checkerboard`.
+fn checkerboard(o: &XmlObject, notes: &mut Vec<Note>) -> Result<Arc<TextureDesc>, SceneError> {
+    let mut colors = [Vec3::splat(0.4), Vec3::splat(0.2)];
+    for (color, key) in colors.iter_mut().zip(["color0", "color1"]) {
+        if let Some(Property::Object(_)) = o.property(key) {
+            notes.push(o.note(format!(
+                "textures as `{key}` of a checkerboard are not supported; ignored"
+            )));
+        } else if let Some(given) = o.color(key)? {
+            *color = given;
+        }
+    }
+    Ok(images::checkerboard(colors))
 }

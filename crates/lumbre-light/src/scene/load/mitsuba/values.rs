@@ -93,11 +93,6 @@ pub(super) enum Spectrum {
 }
 
 impl Spectrum {
-    /// Returns whether the colour of emission is an integral over wavelengths.
-    pub fn is_integrated(&self) -> bool {
-        matches!(self, Spectrum::Constant(_) | Spectrum::Sampled(_))
-    }
-
     /// Returns the colour that the RGB variants of Mitsuba 3 use: that of light of equal energy for
     /// emitters, and under D65 for everything else. Emission outside of sRGB is cut.
     pub fn color(&self, emits: bool) -> Result<Vec3, String> {

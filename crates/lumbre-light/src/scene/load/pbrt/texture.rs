@@ -16,7 +16,7 @@ use crate::scene::compile::srgb_to_linear;
 use crate::scene::desc::{
     Lookup, MaterialDesc, Texels, TextureDesc, TextureFilter, TextureSlot, Wrap,
 };
-use crate::scene::load::images::{ImageCache, mean_texel};
+use crate::scene::load::images::{self, ImageCache, mean_texel};
 use crate::scene::load::{MissingTextures, with_lenient_hint};
 use crate::scene::{Note, SceneError};
 
@@ -33,6 +33,11 @@ pub(super) struct ImageTexture {
 }
 
 impl ImageTexture {
+    /// Returns whether values are interpolated between texels.
+    pub fn is_interpolated(&self) -> bool {
+        self.filter == TextureFilter::Bilinear
+    }
+
     /// Sets the texture of a material's slot.
     pub fn apply_to(self, m: &mut MaterialDesc, slot: TextureSlot) {
         let lookup = Lookup {
@@ -506,11 +511,10 @@ impl TextureReader {
             return Ok(TextureValue::Constant((first + second) / 2.0));
         };
         // The first field is at the bottom left. The image is of two by two fields.
-        let image = self.images.checkerboard([second, first]);
         Ok(TextureValue::Image(ImageTexture {
-            image: image.map_err(|problem| params.error(problem))?,
+            image: images::checkerboard([second, first]),
             wrap: Wrap::Repeat,
-            filter: TextureFilter::Bilinear,
+            filter: TextureFilter::Nearest,
             map: Affine2::from_scale(Vec2::splat(0.5)) * map,
         }))
     }

@@ -98,6 +98,10 @@ impl BsdfReader<'_> {
             )));
         }
         if let Some(texture) = self.optional_texture(map)? {
+            if !texture.is_interpolated() {
+                self.notes.push(o.note(model_differences::STEPPED_BUMPS));
+                return Ok(());
+            }
             self.notes.push(o.note(model_differences::BUMPS));
             let heights = self.textures.heights(o, texture)?;
             for m in self.parts.iter_mut().chain([&mut self.m]) {

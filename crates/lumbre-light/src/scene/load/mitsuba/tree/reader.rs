@@ -302,16 +302,6 @@ impl XmlReader<'_> {
             "rgb" | "srgb" => PropertyValue::Color(values::color(&value(self)?).map_err(fail)?),
             "spectrum" => {
                 let spectrum = self.spectrum(element)?;
-                if emits && spectrum.is_integrated() {
-                    self.notes.push(Note {
-                        file: element.file.to_path_buf(),
-                        place: format!("line {}", element.line()),
-                        message: "the matching functions with which the colour of a spectrum is \
-                                  computed are coarser than those of Mitsuba: a difference of up \
-                                  to 0.3 %"
-                            .to_owned(),
-                    });
-                }
                 PropertyValue::Color(spectrum.color(emits).map_err(fail)?)
             }
             "point" | "vector" => PropertyValue::Vector(self.vector(element, Vec3::ZERO)?),
@@ -368,29 +358,36 @@ impl XmlReader<'_> {
         Ok(Spectrum::Grey(1.0))
     }
 
+    /// Returns a rotation. By an angle of 0 it needs no axis.
+    fn rotation(&mut self, element: &Element) -> Result<DAffine3, SceneError> {
+        let fail = |problem: String| element.error(problem);
+        let axis = self.vector(element, Vec3::ZERO)?.as_dvec3();
+        let degrees = values::number(&self.required(element, "angle")?).map_err(fail)?;
+        if degrees == 0.0 {
+            return Ok(DAffine3::IDENTITY);
+        }
+        if (axis.length() - 1.0).abs() > 1e-4 {
+            self.notes.push(Note {
+                file: element.file.to_path_buf(),
+                place: format!("line {}", element.line()),
+                message: "Mitsuba shears by an axis of rotation that is no unit vector, which is \
+                          not supported; the axis is normalised"
+                    .to_owned(),
+            });
+        }
+        let axis = axis
+            .try_normalize()
+            .ok_or_else(|| fail("a rotation needs an axis".to_owned()))?;
+        Ok(DAffine3::from_axis_angle(axis, degrees.to_radians()))
+    }
+
     /// Returns one step of a transform.
     fn transform_step(&mut self, element: &Element) -> Result<DAffine3, SceneError> {
         let fail = |problem: String| element.error(problem);
         Ok(match element.node.tag_name().name() {
             "translate" => DAffine3::from_translation(self.vector(element, Vec3::ZERO)?.as_dvec3()),
             "scale" => DAffine3::from_scale(self.vector(element, Vec3::ONE)?.as_dvec3()),
-            "rotate" => {
-                let axis = self.vector(element, Vec3::ZERO)?.as_dvec3();
-                if (axis.length() - 1.0).abs() > 1e-4 {
-                    self.notes.push(Note {
-                        file: element.file.to_path_buf(),
-                        place: format!("line {}", element.line()),
-                        message:
-                            "Mitsuba shears by an axis of rotation that is no unit vector, which \
-                                  is not supported; the axis is normalised"
-                                .to_owned(),
-                    });
-                }
-                let axis = axis.try_normalize();
-                let axis = axis.ok_or_else(|| fail("a rotation needs an axis".to_owned()))?;
-                let degrees = values::number(&self.required(element, "angle")?).map_err(fail)?;
-                DAffine3::from_axis_angle(axis, degrees.to_radians())
-            }
+            "rotate" => self.rotation(element)?,
             "matrix" => values::matrix(&self.required(element, "value")?).map_err(fail)?,
             "lookat" | "look_at" => {
                 let read =

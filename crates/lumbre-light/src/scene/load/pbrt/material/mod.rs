@@ -390,9 +390,13 @@ impl<'a> MaterialReader<'a> {
             }
         }
         for name in ["displacement", "bumpmap"] {
-            if let TextureValue::Image(image) = self.value(name, false, 0.0)? {
-                self.note(model_differences::PBRT_BUMPS);
-                image.apply_to(&mut self.m, TextureSlot::Bump);
+            match self.value(name, false, 0.0)? {
+                TextureValue::Image(image) if image.is_interpolated() => {
+                    self.note(model_differences::PBRT_BUMPS);
+                    image.apply_to(&mut self.m, TextureSlot::Bump);
+                }
+                TextureValue::Image(_) => self.note(model_differences::STEPPED_BUMPS),
+                TextureValue::Constant(_) => {}
             }
         }
         Ok(())
