@@ -3,7 +3,7 @@
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// How a camera maps directions or positions to its picture.
+/// Map from directions or positions to the picture of a camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum CameraKind {
     /// Rays through a pinhole or a thin lens.
@@ -50,10 +50,10 @@ impl CameraKind {
     }
 }
 
-/// A camera.
+/// A camera with its place, view and lens.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CameraDesc {
-    /// How directions or positions are mapped to the picture.
+    /// Map from directions or positions to the picture.
     #[serde(default)]
     pub kind: CameraKind,
     /// Centre of projection, or of the lens; of an orthographic camera, the centre of the rectangle

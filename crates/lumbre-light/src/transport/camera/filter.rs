@@ -75,7 +75,7 @@ impl FilterKind {
     }
 }
 
-/// What lies beyond the first and the last column, or row, of a film.
+/// Content of a film beyond its first and its last column, or row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FilmEdge {
     /// More of the picture, which no pixel shows.

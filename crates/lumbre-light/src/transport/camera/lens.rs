@@ -17,7 +17,7 @@ use crate::transport::sampler::Sampler;
 /// the right.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
-    /// How film positions are mapped to rays.
+    /// Map from film positions to rays.
     pub kind: CameraKind,
     /// Centre of the lens in world space; of an orthographic camera, of the film.
     pub position: Vec3,
@@ -439,8 +439,8 @@ impl Camera {
     }
 
     /// Returns the density per solid angle of a camera ray in the unit direction `dir` over all
-    /// pixels. It does not depend on the point of the lens. With `A` the film's area in the unit of
-    /// [`Camera::half`] it is
+    /// pixels. It does not depend on the point of the lens. `A` is the film's area in the unit of
+    /// [`Camera::half`].
     ///
     /// - `1 / (A cos^3)` for a perspective camera, with the cosine to the optical axis;
     /// - `1 / (A sin)` for a spherical camera, with the sine of the angle to the up direction;
