@@ -117,6 +117,12 @@ mod tests {
         assert!(near(panned.target, Vec3::new(2.0, 2.0, 0.0)));
         let nearer = moved(&camera(), Motion::Dolly(0.5));
         assert!(near(nearer.position, Vec3::new(0.0, 1.0, 2.0)));
+        let parallel = CameraDesc {
+            kind: CameraKind::Orthographic,
+            view_height: 3.0,
+            ..camera()
+        };
+        assert_eq!(moved(&parallel, Motion::Dolly(0.5)).view_height, 1.5);
     }
 
     #[test]

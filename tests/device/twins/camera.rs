@@ -137,14 +137,12 @@ const NEAR: [Near; 31] = {
 
 /// Rays of an orthographic camera, and points connected to it.
 pub const ORTHOGRAPHIC: Twin = Twin {
-    name: "orthographic camera",
     scene: orthographic,
     ..CAMERA
 };
 
 /// Rays of a spherical camera, and points connected to it.
 pub const SPHERICAL: Twin = Twin {
-    name: "spherical camera",
     scene: spherical,
     ..CAMERA
 };

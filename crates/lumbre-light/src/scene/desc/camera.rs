@@ -188,6 +188,16 @@ mod tests {
     }
 
     #[test]
+    fn names_of_kinds_are_those_of_their_rows() {
+        for (kind, name) in CAMERA_KINDS {
+            assert_eq!(
+                (kind.name(), CameraKind::from_name(name)),
+                (name, Some(kind))
+            );
+        }
+    }
+
+    #[test]
     fn full_frame_lenses_match_the_angles_of_data_sheets() {
         // 36 x 24 mm sensor, landscape: vertical angles of 20, 35, 50 and 85 mm are 61.9, 37.8,
         // 27.0 and 16.1 degrees.

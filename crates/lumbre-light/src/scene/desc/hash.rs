@@ -273,7 +273,7 @@ fn vec3(h: &mut Hasher, v: Vec3) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::desc::{CameraDesc, EnvironmentDesc, LightDesc, Transform};
+    use crate::scene::desc::{CAMERA_KINDS, CameraDesc, EnvironmentDesc, LightDesc, Transform};
     use std::path::PathBuf;
     use std::sync::Arc;
 
@@ -420,6 +420,22 @@ mod tests {
         let mut b = scene();
         b.camera.focus_distance = Some(0.0);
         assert_ne!(content_hash(&a), content_hash(&b));
+    }
+
+    #[test]
+    fn a_hash_depends_on_the_kind_of_the_camera_and_what_that_uses() {
+        let hash = |kind: CameraKind, change: fn(&mut CameraDesc)| {
+            let mut s = scene();
+            s.camera.kind = kind;
+            change(&mut s.camera);
+            content_hash(&s)
+        };
+        let plain = CAMERA_KINDS.map(|(kind, _)| hash(kind, |_| ()));
+        assert!(plain[0] != plain[1] && plain[1] != plain[2] && plain[2] != plain[0]);
+        let wider = CAMERA_KINDS.map(|(kind, _)| hash(kind, |c| c.fov_deg = 77.0));
+        assert!(wider[0] != plain[0] && wider[1..] == plain[1..]);
+        let higher = CAMERA_KINDS.map(|(kind, _)| hash(kind, |c| c.view_height = 77.0));
+        assert!(higher[1] != plain[1] && [higher[0], higher[2]] == [plain[0], plain[2]]);
     }
 
     #[test]

@@ -17,9 +17,9 @@
 //! I = integral over x of L(x, -d) |n . d| / A dA(x),
 //! ```
 //!
-//! from which both numbers of the strategies follow: a camera path generates `x` with the density
-//! `|n . d| / A` per area, and a light path that is connected to the camera at `x` adds `throughput
-//! * f * |n . d| / A`. A perspective camera has `pdf_w / distance^2` in the place of `1 / A`.
+//! from which both numbers of the strategies follow. A camera path generates `x` with the density
+//! `|n . d| / A` per area. A light path that is connected to the camera at `x` adds its throughput
+//! times `f |n . d| / A`. A perspective camera has `pdf_w / distance^2` in the place of `1 / A`.
 //! [`Projection::pdf_w`] is therefore `distance^2 / A` here, from which both follow by the formulas
 //! of the other cameras.
 //!
