@@ -2,7 +2,7 @@
 
 use glam::{Quat, Vec3};
 
-use lumbre_light::scene::desc::CameraDesc;
+use lumbre_light::scene::desc::{CameraDesc, CameraKind};
 
 /// Smallest angle between the viewing direction and the vertical, in radians.
 const POLE: f32 = 0.02;
@@ -15,7 +15,8 @@ pub enum Motion {
     /// Translation of camera and target, in units of the distance between them: to the right, and
     /// upwards.
     Pan([f32; 2]),
-    /// Factor of the distance between camera and target.
+    /// Factor of the distance between camera and target, and of the height of an orthographic
+    /// picture.
     Dolly(f32),
 }
 
@@ -41,7 +42,13 @@ pub fn moved(camera: &CameraDesc, motion: Motion) -> CameraDesc {
             camera.position += by;
             camera.target += by;
         }
-        Motion::Dolly(factor) => camera.position = camera.target + offset * factor,
+        Motion::Dolly(factor) => {
+            camera.position = camera.target + offset * factor;
+            // Distance alone does not change the size of what parallel rays show.
+            if camera.kind == CameraKind::Orthographic {
+                camera.view_height *= factor;
+            }
+        }
     }
     camera
 }
@@ -110,6 +117,12 @@ mod tests {
         assert!(near(panned.target, Vec3::new(2.0, 2.0, 0.0)));
         let nearer = moved(&camera(), Motion::Dolly(0.5));
         assert!(near(nearer.position, Vec3::new(0.0, 1.0, 2.0)));
+        let parallel = CameraDesc {
+            kind: CameraKind::Orthographic,
+            view_height: 3.0,
+            ..camera()
+        };
+        assert_eq!(moved(&parallel, Motion::Dolly(0.5)).view_height, 1.5);
     }
 
     #[test]

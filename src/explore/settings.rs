@@ -216,6 +216,9 @@ impl Settings {
         {
             self.put("camera.focus_distance", Some(short_decimal(distance)));
         }
+        if now.view_height != next.view_height {
+            self.put("camera.view_height", Some(short_decimal(next.view_height)));
+        }
         Ok(())
     }
 

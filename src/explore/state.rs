@@ -275,6 +275,8 @@ impl State {
             "position" => point(camera.position),
             "target" => point(camera.target),
             "up" => point(camera.up),
+            "kind" => Some(camera.kind.name().into()),
+            "view_height" => number(camera.view_height),
             "fov" => number(camera.view_deg()),
             "aperture" => number(camera.lens_diameter()),
             "focus_distance" => number(focus_distance(&camera)),

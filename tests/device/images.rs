@@ -8,6 +8,7 @@ use lumbre_light::film::Film;
 use lumbre_light::film::layer::{LAYERS, Layer};
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{Material, Model, Texture};
+use lumbre_light::scene::desc::CameraKind;
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::sampler::SOBOL;
@@ -21,6 +22,7 @@ use lumbre_vulkan::renderer::VulkanRenderer;
 use super::corners::balls;
 use super::harness;
 use super::verdict::{compare, compare_loosely};
+use super::weights::seen_by;
 use crate::common::{self, SceneBuilder, WHITE, grey, job, light};
 
 /// Returns the tracing modes that the device supports.
@@ -269,6 +271,28 @@ fn bdpt_renders_the_samples_of_the_cpu_with_float_and_integer_splats() {
         "other waves change the bits of the film"
     );
     harness::assert_no_validation_messages();
+}
+
+#[test]
+fn all_kinds_of_cameras_show_the_picture_of_the_cpu() {
+    let filter = FilterSpec {
+        kind: FilterKind::Tent,
+        radius: 1.5,
+    };
+    for kind in [CameraKind::Orthographic, CameraKind::Spherical] {
+        for name in ["nee", "bdpt"] {
+            assert_same_in_modes(
+                &[TracingMode::Pipeline],
+                &format!("{name}, {}", kind.name()),
+                &seen_by(kind),
+                &Job {
+                    filter,
+                    ..technique_job(name, 4)
+                },
+                4,
+            );
+        }
+    }
 }
 
 #[test]

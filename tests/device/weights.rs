@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::desc::CameraKind;
 use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::Camera;
 use lumbre_light::transport::integrator::bdpt::single;
@@ -43,6 +44,14 @@ fn tiny_lights() -> Arc<CompiledScene> {
         .sphere(Vec3::new(-0.8, -1.0, 0.0), 0.4, glossy)
         .sphere(Vec3::new(0.9, -1.9, 0.9), 0.01, glossy)
         .build()
+}
+
+/// Returns a scene with every kind of light, seen by a camera of this kind.
+pub fn seen_by(kind: CameraKind) -> Arc<CompiledScene> {
+    let mut scene = CompiledScene::clone(&scene_with_all_lights());
+    (scene.camera.kind, scene.camera.view_height) = (kind, 2.5);
+    scene.camera.aperture = 0.0;
+    Arc::new(scene)
 }
 
 /// Returns a job of `bdpt` with a heuristic.
@@ -189,6 +198,8 @@ fn weights_in_single_precision_are_those_of_their_definition() {
         ("room", room(), 6),
         ("lights", scene_with_all_lights(), 5),
         ("tiny", tiny_lights(), 7),
+        ("orthographic", seen_by(CameraKind::Orthographic), 5),
+        ("spherical", seen_by(CameraKind::Spherical), 5),
     ];
     for (name, scene, max_depth) in scenes {
         for mis in ["power", "balance", "none"] {

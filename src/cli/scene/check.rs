@@ -14,6 +14,7 @@ use crate::cli::night::load;
 use crate::script;
 use crate::script::scene::LoadedScene;
 use crate::text::visible;
+use lumbre_light::scene::desc::{CameraDesc, CameraKind};
 use lumbre_light::scene::{self, CompiledScene, SceneDesc, SceneError};
 
 /// Maximum number of names that are listed.
@@ -174,10 +175,10 @@ fn contents(
         (
             "camera",
             format!(
-                "at {}, towards {}, field of view {} degrees",
+                "at {}, towards {}, {}",
                 point(camera.position),
                 point(camera.target),
-                rounded(f64::from(camera.fov_deg))
+                view(camera)
             ),
         ),
         (
@@ -208,6 +209,21 @@ fn contents(
         .collect()
 }
 
+/// Returns what a camera shows of the scene in front of it.
+fn view(camera: &CameraDesc) -> String {
+    match camera.kind {
+        CameraKind::Perspective => format!(
+            "field of view {} degrees",
+            rounded(f64::from(camera.fov_deg))
+        ),
+        CameraKind::Orthographic => format!(
+            "orthographic, {} units high",
+            rounded(f64::from(camera.view_height))
+        ),
+        CameraKind::Spherical => "spherical".to_owned(),
+    }
+}
+
 /// Returns what a scene contains as JSON.
 fn contents_json(
     desc: &SceneDesc,
@@ -226,7 +242,7 @@ fn contents_json(
         "box": [low.to_array(), high.to_array()],
         "camera": {
             "position": camera.position.to_array(), "target": camera.target.to_array(),
-            "fov": camera.fov_deg,
+            "fov": camera.fov_deg, "kind": camera.kind.name(), "view_height": camera.view_height,
         },
         "views": views, "options": options, "objects": objects, "materials": materials,
         "lights": lights, "emitters": compiled.emitters.len(),

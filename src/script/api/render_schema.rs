@@ -2,7 +2,7 @@
 
 use crate::backends::BACKENDS;
 use lumbre_light::film::layer::LAYER_NAMES;
-use lumbre_light::scene::desc::MAX_SIDE;
+use lumbre_light::scene::desc::{CAMERA_KIND_NAMES, MAX_SIDE, VIEW_HEIGHT_RANGE};
 use lumbre_light::transport::camera::FILTER_NAMES;
 use lumbre_light::transport::integrator::INTEGRATORS;
 use lumbre_light::transport::integrator::external::EXTERNALS;
@@ -137,7 +137,15 @@ pub const CAMERA: Table = Table {
             },
             required: false,
             default: "",
-            doc: "vertical field of view in degrees",
+            doc: "vertical field of view of a perspective camera in degrees",
+        },
+        Field {
+            key: "kind",
+            ty: Ty::Word(&CAMERA_KIND_NAMES),
+            required: false,
+            default: "",
+            doc: "how the camera maps the scene to its picture; `orthographic` and `spherical` \
+                  cameras have no lens",
         },
         Field {
             key: "position",
@@ -171,6 +179,16 @@ pub const CAMERA: Table = Table {
             required: false,
             default: "",
             doc: "direction that is up in the picture",
+        },
+        Field {
+            key: "view_height",
+            ty: Ty::Num {
+                min: VIEW_HEIGHT_RANGE[0],
+                max: VIEW_HEIGHT_RANGE[1],
+            },
+            required: false,
+            default: "",
+            doc: "height of the picture of an orthographic camera in scene units",
         },
     ],
 };

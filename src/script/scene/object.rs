@@ -12,7 +12,7 @@ use crate::script::api::{ApiFn, Args, Param, method_object};
 use crate::script::error::{Problem, ScriptError};
 use crate::script::state::{Purpose, Shared};
 use crate::script::strict::{self, Fields};
-use lumbre_light::scene::desc::{CameraDesc, EntityDesc, Optics, ShapeDesc};
+use lumbre_light::scene::desc::{CameraDesc, CameraKind, EntityDesc, Optics, ShapeDesc};
 use lumbre_light::value::Value;
 
 /// Constructor of scenes.
@@ -270,11 +270,15 @@ fn read_camera(shared: &Shared, args: &Args, index: usize) -> Result<CameraDesc,
             .and_then(Value::as_f64)
             .map(|x| x as f32)
     };
+    let defaults = CameraDesc::default();
+    let kind = fields.values.get("kind").and_then(Value::as_str);
     let camera = CameraDesc {
+        kind: kind.and_then(CameraKind::from_name).unwrap_or_default(),
         position: point("position", Vec3::Z),
         target: point("target", Vec3::ZERO),
         up: point("up", Vec3::Y),
-        fov_deg: number("fov").unwrap_or(45.0),
+        fov_deg: number("fov").unwrap_or(defaults.fov_deg),
+        view_height: number("view_height").unwrap_or(defaults.view_height),
         aperture: number("aperture").unwrap_or(0.0),
         focus_distance: number("focus_distance"),
         optics: Optics {
@@ -311,6 +315,9 @@ fn read_camera(shared: &Shared, args: &Args, index: usize) -> Result<CameraDesc,
             "`f_number` needs `focal_length` or `sensor_height`",
             help,
         ));
+    }
+    if let Some([problem, help]) = camera.lens_problem() {
+        return Err(args.error(shared, problem, Some(help)));
     }
     Ok(camera)
 }

@@ -1,8 +1,8 @@
 //! Schemas of `scene` and of the methods for cameras, lights, environment and import.
 
 use crate::script::api::render_schema::EDGES;
-use lumbre_light::scene::desc::MAX_SIDE;
 use lumbre_light::scene::desc::light::CUTOFF_RANGE;
+use lumbre_light::scene::desc::{CAMERA_KIND_NAMES, MAX_SIDE, VIEW_HEIGHT_RANGE};
 use lumbre_light::value::schema::{Field, Table, Ty};
 
 /// Point or direction in scene coordinates.
@@ -56,6 +56,25 @@ pub const CAMERA: Table = Table {
             "point on the optical axis in scene coordinates",
         ),
         Field::optional(
+            "kind",
+            Ty::Word(&CAMERA_KIND_NAMES),
+            "perspective",
+            "how the scene is mapped to the picture: `perspective`, with rays through a lens; \
+             `orthographic`, with parallel rays from a rectangle about `position`, perpendicular \
+             to them; `spherical`, with rays from `position` in all directions: the longitude \
+             over the width, `target` in the middle and to the right of it what is on its right, \
+             and the latitude over the height, `up` at the top. Only the first has a lens",
+        ),
+        Field::optional(
+            "view_height",
+            Ty::Num {
+                min: VIEW_HEIGHT_RANGE[0],
+                max: VIEW_HEIGHT_RANGE[1],
+            },
+            "2",
+            "height of the picture of an orthographic camera in scene units",
+        ),
+        Field::optional(
             "up",
             POINT,
             "{ 0, 1, 0 }",
@@ -68,7 +87,7 @@ pub const CAMERA: Table = Table {
                 max: 179.0,
             },
             "45",
-            "vertical field of view in degrees",
+            "vertical field of view of a perspective camera in degrees",
         ),
         Field::optional(
             "aperture",

@@ -15,6 +15,7 @@ use crate::tui::model::night::{CurrentRun, NightModel};
 use crate::tui::terminal::terminal_caps::TerminalCaps;
 use crate::tui::view::View;
 use lumbre_light::scene::SceneDesc;
+use lumbre_light::scene::desc::CameraKind;
 use lumbre_light::transport::integrator;
 use lumbre_render::OpenStats;
 
@@ -239,10 +240,21 @@ impl Sheet {
     fn camera(&self, scene: &SceneDesc) -> Line<'static> {
         let camera = &scene.camera;
         let dim = |text: String| vec![Span::styled(text, self.caps.dim())];
-        let mut facts = vec![dim(format!(
-            "field of view {} deg",
-            format::number(f64::from(camera.fov_deg))
-        ))];
+        let view = match camera.kind {
+            CameraKind::Perspective => format!(
+                "field of view {} deg",
+                format::number(f64::from(camera.fov_deg))
+            ),
+            CameraKind::Orthographic => format!(
+                "orthographic, {} high",
+                format::number(f64::from(camera.view_height))
+            ),
+            CameraKind::Spherical => "spherical".to_owned(),
+        };
+        let mut facts = vec![dim(view)];
+        if camera.kind != CameraKind::Perspective {
+            return self.facts(facts);
+        }
         facts.push(match camera.aperture {
             0.0 => dim("pinhole".to_owned()),
             aperture => dim(format!("aperture {}", format::number(f64::from(aperture)))),

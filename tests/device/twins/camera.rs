@@ -4,6 +4,8 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::desc::{CameraDesc, CameraKind};
+use lumbre_light::transport::camera::filter::FilmEdge;
 use lumbre_light::transport::camera::{Camera, CameraConnection, FilterKind, FilterSpec};
 use lumbre_render::Job;
 
@@ -18,6 +20,8 @@ const KINDS: [FilterKind; 5] = [
     FilterKind::BlackmanHarris,
     FilterKind::AntialiasingRadius,
 ];
+
+const EDGES: [FilmEdge; 3] = [FilmEdge::Open, FilmEdge::Wraps, FilmEdge::Reflects];
 
 /// Tolerance of offsets in pixels: one ten-thousandth of a pixel is invisible.
 const OFFSET: Near = Near::Float {
@@ -34,7 +38,7 @@ pub const FILTER: Twin = Twin {
     name: "filter",
     kernel: kernel!(Generation "filter.rgen"),
     scene: super::plain,
-    in_words: 7,
+    in_words: 8,
     inputs: || {
         RandomInputs::rows(6000, |d, i| {
             let radius = [0.0, 0.5, 1.25, 2.0, 0.3][d.word() as usize % 5];
@@ -52,6 +56,7 @@ pub const FILTER: Twin = Twin {
             d.put([radius]);
             d.put(u);
             d.put([x, q, pick]);
+            d.put_word(i / 5 % 3);
         })
     },
     original: |_, _, row| {
@@ -60,9 +65,10 @@ pub const FILTER: Twin = Twin {
         let f = FilterSpec { kind, radius };
         let u = row.floats();
         let [x, q, pick] = row.floats();
+        let edge = EDGES[row.word() as usize];
         row.push_floats(f.sample(u));
         row.push_floats([f.density(x), f.reach()]);
-        let chosen = f.choose_pixel(q, 7, pick);
+        let chosen = f.choose_pixel(q, (7, edge), pick);
         row.push(u32::from(chosen.is_some()));
         row.push(chosen.map_or(0, |c| c.0));
         row.push_floats([chosen.map_or(0.0, |c| c.1)]);
@@ -76,10 +82,21 @@ pub const FILTER: Twin = Twin {
 
 /// Returns a scene with a thin lens, and a job with a wide filter.
 fn lens() -> (Arc<CompiledScene>, Job) {
-    let builder = SceneBuilder::new(Vec3::new(0.5, 1.0, 3.0), Vec3::ZERO, 50.0).with(|s| {
-        s.camera.aperture = 0.4;
-        s.camera.focus_distance = Some(2.5);
-    });
+    seen_by(|camera| (camera.aperture, camera.focus_distance) = (0.4, Some(2.5)))
+}
+
+fn orthographic() -> (Arc<CompiledScene>, Job) {
+    seen_by(|camera| (camera.kind, camera.view_height) = (CameraKind::Orthographic, 2.5))
+}
+
+fn spherical() -> (Arc<CompiledScene>, Job) {
+    seen_by(|camera| camera.kind = CameraKind::Spherical)
+}
+
+/// Returns a scene whose camera was changed, and a job with a wide filter.
+fn seen_by(change: impl FnOnce(&mut CameraDesc)) -> (Arc<CompiledScene>, Job) {
+    let builder = SceneBuilder::new(Vec3::new(0.5, 1.0, 3.0), Vec3::ZERO, 50.0)
+        .with(|s| change(&mut s.camera));
     let scene = builder
         .quad(-Vec3::ONE, Vec3::X, Vec3::Y, grey(0.5))
         .build();
@@ -116,6 +133,18 @@ const NEAR: [Near; 31] = {
         i += 1;
     }
     near
+};
+
+/// Rays of an orthographic camera, and points connected to it.
+pub const ORTHOGRAPHIC: Twin = Twin {
+    scene: orthographic,
+    ..CAMERA
+};
+
+/// Rays of a spherical camera, and points connected to it.
+pub const SPHERICAL: Twin = Twin {
+    scene: spherical,
+    ..CAMERA
 };
 
 /// Rays of a thin lens, and points connected to it.

@@ -115,6 +115,8 @@ pub const TWINS: &[&Twin] = &[
     &light::LIGHT_PLAIN,
     &camera::FILTER,
     &camera::CAMERA,
+    &camera::ORTHOGRAPHIC,
+    &camera::SPHERICAL,
     &time::DELAYS,
     &integrator::BPT,
     &integrator::BPT_OPEN,

@@ -19,9 +19,7 @@ use lumbre::experiment::{
     PlanError, Point, RunError, RunId, ScriptHooks, Sink, SinkError, StopRule, WaveRow,
 };
 use lumbre_light::film::{Film, Image};
-use lumbre_light::scene::desc::{
-    CameraDesc, EntityDesc, MaterialDesc, Optics, ShapeDesc, Transform,
-};
+use lumbre_light::scene::desc::{CameraDesc, EntityDesc, MaterialDesc, ShapeDesc, Transform};
 use lumbre_light::scene::{Note, SceneDesc, SceneError};
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::value::Value;
@@ -218,7 +216,7 @@ pub fn load_scene(file: &Path) -> LoadedScene {
             fov_deg: 40.0,
             aperture: 0.0,
             focus_distance: None,
-            optics: Optics::default(),
+            ..CameraDesc::default()
         },
         materials: vec![egg],
         entities: vec![EntityDesc {

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 use lumbre_light::scene::SceneDesc;
 use lumbre_light::scene::desc::{
-    EnvironmentDesc, EnvironmentSampling, EnvironmentSource, MATERIAL_PARAMS, ShapeDesc,
-    TextureSlot, content_hash,
+    CameraKind, EnvironmentDesc, EnvironmentSampling, EnvironmentSource, MATERIAL_PARAMS,
+    ShapeDesc, TextureSlot, content_hash,
 };
 use lumbre_light::scene::edit::{apply, paths, set};
 use lumbre_light::scene::load::load;
@@ -339,8 +339,9 @@ fn other_value(path: &str) -> Value {
         "resolution" => nums(&[12.0, 34.0]),
         "max_depth" => Value::Int(17),
         "material" => "lamp".into(),
+        "kind" => "orthographic".into(),
         "fov" | "aperture" | "f_number" | "focal_length" | "sensor_height" | "focus_distance"
-        | "radius" => Value::Num(0.375),
+        | "radius" | "view_height" => Value::Num(0.375),
         _ => nums(&[0.25, 0.75, 0.125]),
     }
 }
@@ -352,10 +353,14 @@ fn every_path_can_be_set_and_gives_a_distinct_hash() {
     let all = paths(&scene());
     assert_eq!(
         all.len(),
-        11 + 4 * (MATERIAL_PARAMS.len() + TextureSlot::ALL.len()) + 5 + 4
+        13 + 4 * (MATERIAL_PARAMS.len() + TextureSlot::ALL.len()) + 5 + 4
     );
     for path in all {
         let mut s = scene();
+        if path == "camera.view_height" {
+            // Only orthographic cameras have one.
+            s.camera.kind = CameraKind::Orthographic;
+        }
         set(&mut s, &path, &other_value(&path)).unwrap_or_else(|e| panic!("{e}"));
         if let Some(other) = seen.insert(content_hash(&s), path.clone()) {
             panic!("{path} and {other} have the same hash");

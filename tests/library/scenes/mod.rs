@@ -8,6 +8,7 @@
 )]
 
 mod builtin;
+mod cameras;
 mod damaged;
 mod edit;
 mod export;

@@ -112,11 +112,6 @@ fn the_field_of_view_is_that_of_the_smaller_side() {
         (desc.camera.aperture, desc.camera.focus_distance),
         (0.5, Some(7.0))
     );
-    let (_, notes) = read_files(&[("a.pbrt", b"Camera \"spherical\"\nWorldBegin\n")]).unwrap();
-    assert!(
-        notes.contains("the camera `spherical` is not supported"),
-        "{notes}"
-    );
 }
 
 #[test]

@@ -18,8 +18,8 @@ pub use lights::{ENVIRONMENT_PARAMS, EnvironmentParam, LIGHT_PARAMS, LightParam}
 
 use super::desc::material_params::MaterialParam;
 use super::desc::{
-    EntityDesc, MATERIAL_PARAMS, MAX_COORDINATE, MAX_EDGES, MAX_SIDE, SceneDesc, ShapeDesc,
-    TextureSlot,
+    CAMERA_KIND_NAMES, CameraKind, EntityDesc, MATERIAL_PARAMS, MAX_COORDINATE, MAX_EDGES,
+    MAX_SIDE, SceneDesc, ShapeDesc, TextureSlot, VIEW_HEIGHT_RANGE,
 };
 use super::load;
 use crate::value::Value;
@@ -51,13 +51,35 @@ pub struct SceneParam {
 /// Settings of the scene itself: camera, resolution and path length.
 pub const SCENE_PARAMS: &[SceneParam] = &[
     SceneParam {
+        path: "camera.kind",
+        ty: Ty::Word(&CAMERA_KIND_NAMES),
+        doc: "How the camera maps the scene to its picture: perspective, orthographic (parallel \
+              rays), or spherical (all directions, longitude over latitude).",
+        set_checked: |s, v| {
+            s.camera.kind = v
+                .as_str()
+                .and_then(CameraKind::from_name)
+                .unwrap_or_default();
+        },
+    },
+    SceneParam {
+        path: "camera.view_height",
+        ty: Ty::Num {
+            min: VIEW_HEIGHT_RANGE[0],
+            max: VIEW_HEIGHT_RANGE[1],
+        },
+        doc: "Height of the picture of an orthographic camera in scene units; has no effect on \
+              other kinds.",
+        set_checked: |s, v| s.camera.view_height = scalar(v),
+    },
+    SceneParam {
         path: "camera.fov",
         ty: Ty::Num {
             min: 0.01,
             max: 179.0,
         },
-        doc: "Vertical field of view in degrees; has no effect if both sensor_height and \
-              focal_length are set.",
+        doc: "Vertical field of view of a perspective camera in degrees; has no effect if both \
+              sensor_height and focal_length are set.",
         set_checked: |s, v| s.camera.fov_deg = scalar(v),
     },
     SceneParam {
@@ -306,7 +328,8 @@ fn set_view(desc: &mut SceneDesc, path: &str, value: &Value) -> Result<(), Schem
 ///
 /// # Errors
 /// Fails like [`set`], and if the changes set both an aperture and an f-number, a field of view
-/// although sensor height and focal length determine it, or an f-number without a focal length.
+/// although sensor height and focal length determine it, an f-number without a focal length, or a
+/// lens on a camera without one.
 pub fn apply(desc: &mut SceneDesc, changes: &BTreeMap<String, Value>) -> Result<(), SchemaError> {
     changes
         .iter()
@@ -331,6 +354,9 @@ pub fn apply(desc: &mut SceneDesc, changes: &BTreeMap<String, Value>) -> Result<
             "the field of view is already determined by `sensor_height` and `focal_length`",
             "change one of these instead",
         );
+    }
+    if let Some([problem, help]) = desc.camera.lens_problem() {
+        return fail("kind", &problem, &help);
     }
     if changed("f_number") && desc.camera.lacks_focal_length() {
         return fail(

@@ -14,6 +14,9 @@ const uint MASK_BLEND = 1u;
 const uint WRAP_REPEAT = 0u;
 const uint WRAP_MIRROR = 1u;
 const uint WRAP_CLAMP = 2u;
+const uint CAMERA_PERSPECTIVE = 0u;
+const uint CAMERA_ORTHOGRAPHIC = 1u;
+const uint CAMERA_SPHERICAL = 2u;
 const uint FILTER_BOX = 0u;
 const uint FILTER_TENT = 1u;
 const uint FILTER_GAUSS = 2u;
@@ -240,7 +243,8 @@ struct JobParams {
     vec3 camera_right; // Unit vector to the picture's right.
     vec3 camera_up; // Unit vector to the picture's top.
     vec3 camera_forward; // Unit vector along the optical axis.
-    vec2 camera_half; // Half extent of the picture at distance 1, horizontally and vertically.
+    vec2 camera_half; // Half extent of the picture, horizontally and vertically: at distance 1; of an orthographic camera in scene units; of a spherical one in radians.
+    uint camera_kind; // CAMERA_PERSPECTIVE and so on.
     uvec2 resolution; // Width and height in pixels.
     float lens_radius; // Radius of the lens; 0 is a pinhole.
     float focus_distance; // Distance of the plane of focus.

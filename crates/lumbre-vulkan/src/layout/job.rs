@@ -37,8 +37,11 @@ super::gpu_structs! {
         camera_up: [f32; 3],
         /// Unit vector along the optical axis.
         camera_forward: [f32; 3],
-        /// Half extent of the picture at distance 1, horizontally and vertically.
+        /// Half extent of the picture, horizontally and vertically: at distance 1; of an
+        /// orthographic camera in scene units; of a spherical one in radians.
         camera_half: [f32; 2],
+        /// CAMERA_PERSPECTIVE and so on.
+        camera_kind: u32,
         /// Width and height in pixels.
         resolution: [u32; 2],
         /// Radius of the lens; 0 is a pinhole.

@@ -478,6 +478,7 @@ fn camera_params(scene: &CompiledScene, job: &lumbre_render::Job) -> layout::Job
         camera_up: camera.up.into(),
         camera_forward: camera.forward.into(),
         camera_half: camera.half,
+        camera_kind: camera.kind as u32,
         resolution: job.resolution,
         lens_radius: camera.lens_radius,
         focus_distance: camera.focus_distance,

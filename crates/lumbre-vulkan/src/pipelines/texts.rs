@@ -62,6 +62,8 @@ embed![
     "transport/bsdf/plastic.glsl",
     "transport/camera/filter.glsl",
     "transport/camera/lens.glsl",
+    "transport/camera/orthographic.glsl",
+    "transport/camera/spherical.glsl",
     "transport/contribution.glsl",
     "transport/delay/profile.glsl",
     "transport/path_time.glsl",

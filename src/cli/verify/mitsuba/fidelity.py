@@ -34,12 +34,18 @@ def small_view(scene, view):
     sensor = {
         "type": "thinlens" if "aperture_radius" in params else "perspective",
         "to_world": original.world_transform(),
-        "fov": view["fov_y"],
-        "fov_axis": "y",
         "near_clip": params["near_clip"],
         "far_clip": params["far_clip"],
         "film": {"type": "hdrfilm", "width": width, "height": height, "filter": {"type": "box"}},
     }
+    if "x_fov" in params:
+        sensor["fov"], sensor["fov_axis"] = view["fov_y"], "y"
+    else:
+        # The scale is the extent of the width; the height is kept.
+        before = original.film().size()
+        scale = width * before[1] / (height * before[0])
+        sensor["type"] = "orthographic"
+        sensor["to_world"] = original.world_transform() @ mi.ScalarTransform4f().scale([scale, scale, 1])
     if "aperture_radius" in params:
         sensor["aperture_radius"] = params["aperture_radius"]
         sensor["focus_distance"] = params["focus_distance"]

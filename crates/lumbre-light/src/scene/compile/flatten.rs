@@ -11,7 +11,8 @@ use super::mesh::{add_mesh, in_range, mesh_entities, push_emitter, with_own_dire
 use super::{CompiledScene, NONE, Sphere, bounds, lights, materials};
 use crate::math::distribution::AliasTable;
 use crate::scene::desc::{
-    CameraDesc, EntityDesc, MAX_COORDINATE, MaterialNames, SceneDesc, ShapeDesc, content_hash,
+    CameraDesc, CameraKind, EntityDesc, MAX_COORDINATE, MaterialNames, SceneDesc, ShapeDesc,
+    VIEW_HEIGHT_RANGE, content_hash,
 };
 use crate::scene::{Note, SceneError, note};
 use crate::value::schema::SchemaError;
@@ -160,7 +161,8 @@ pub(super) fn malformed(file: &Path, place: String, problem: String) -> SceneErr
 /// Returns the camera with a usable up direction.
 ///
 /// # Errors
-/// Fails if position, target or up are not finite, or position and target coincide.
+/// Fails if position, target or up are not finite, position and target coincide, the picture of an
+/// orthographic camera has no usable height, or a camera of a kind without a lens has one.
 fn checked_camera(camera: &CameraDesc, notes: &mut Vec<Note>) -> Result<CameraDesc, SceneError> {
     let fail = |key: &str, problem: &str| {
         let path = format!("camera.{key}");
@@ -180,6 +182,21 @@ fn checked_camera(camera: &CameraDesc, notes: &mut Vec<Note>) -> Result<CameraDe
             "position",
             "the camera's position, target and up must be finite",
         );
+    }
+    let [least, most] = VIEW_HEIGHT_RANGE;
+    if camera.kind == CameraKind::Orthographic
+        && !(least..=most).contains(&f64::from(camera.view_height))
+    {
+        return fail(
+            "view_height",
+            &format!(
+                "the height of the picture must be between {least:e} and {most:e}, found {}",
+                camera.view_height
+            ),
+        );
+    }
+    if let Some([problem, help]) = camera.lens_problem() {
+        return fail("kind", &format!("{problem}; {help}"));
     }
     let Some(view) = (camera.target - camera.position).try_normalize() else {
         return fail(

@@ -1,20 +1,74 @@
-//! Camera description: position, view angle, lens and sensor.
+//! Camera description: kind, position, extent of the view, lens and sensor.
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// A pinhole or thin-lens camera.
+/// Map from directions or positions to the picture of a camera.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum CameraKind {
+    /// Rays through a pinhole or a thin lens.
+    #[default]
+    Perspective,
+    /// Parallel rays along the viewing direction, from a rectangle about the position that is
+    /// perpendicular to it.
+    Orthographic,
+    /// Rays from the position in all directions: longitude over the width of the picture, latitude
+    /// over its height.
+    Spherical,
+}
+
+/// Every kind of camera with its name in scripts.
+pub const CAMERA_KINDS: [(CameraKind, &str); 3] = [
+    (CameraKind::Perspective, "perspective"),
+    (CameraKind::Orthographic, "orthographic"),
+    (CameraKind::Spherical, "spherical"),
+];
+
+/// Names of the kinds of cameras, in the order of [`CAMERA_KINDS`].
+pub const CAMERA_KIND_NAMES: [&str; CAMERA_KINDS.len()] = {
+    let mut names = [""; CAMERA_KINDS.len()];
+    let mut i = 0;
+    while i < names.len() {
+        names[i] = CAMERA_KINDS[i].1;
+        i += 1;
+    }
+    names
+};
+
+impl CameraKind {
+    /// Returns the name in scripts.
+    pub fn name(self) -> &'static str {
+        CAMERA_KIND_NAMES[self as usize]
+    }
+
+    /// Returns the kind with this name.
+    pub fn from_name(name: &str) -> Option<CameraKind> {
+        CAMERA_KINDS
+            .iter()
+            .find(|(_, n)| *n == name)
+            .map(|(kind, _)| *kind)
+    }
+}
+
+/// A camera with its place, view and lens.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CameraDesc {
-    /// Centre of projection, or of the lens.
+    /// Map from directions or positions to the picture.
+    #[serde(default)]
+    pub kind: CameraKind,
+    /// Centre of projection, or of the lens; of an orthographic camera, the centre of the rectangle
+    /// from which its rays start.
     pub position: Vec3,
-    /// A point on the optical axis.
+    /// A point on the optical axis; of a spherical camera, a point in the middle of the picture.
     pub target: Vec3,
     /// Direction that points up in the image.
     pub up: Vec3,
-    /// Vertical field of view in degrees, between 0 and 180 exclusive. `optics` may override it;
-    /// see [`CameraDesc::view_deg`].
+    /// Vertical field of view of a perspective camera in degrees, between 0 and 180 exclusive.
+    /// `optics` may override it; see [`CameraDesc::view_deg`].
     pub fov_deg: f32,
+    /// Height of the picture of an orthographic camera in scene units, positive.
+    #[serde(default = "default_view_height")]
+    pub view_height: f32,
     /// Diameter of the lens in scene units; 0 is a pinhole. `optics` may override it; see
     /// [`CameraDesc::lens_diameter`].
     pub aperture: f32,
@@ -42,15 +96,28 @@ pub struct Optics {
     pub sensor_height: Option<f32>,
 }
 
+/// Smallest and greatest height of the picture of an orthographic camera, in scene units.
+pub const VIEW_HEIGHT_RANGE: [f64; 2] = [1e-6, 1e9];
+
+/// Height of the picture of orthographic cameras that state none, in scene units.
+const DEFAULT_VIEW_HEIGHT: f32 = 2.0;
+
+/// Returns [`DEFAULT_VIEW_HEIGHT`] for records without a height.
+fn default_view_height() -> f32 {
+    DEFAULT_VIEW_HEIGHT
+}
+
 impl Default for CameraDesc {
     /// Returns a pinhole camera at the origin that looks along -z, +y up, with a vertical field of
     /// view of 45 degrees.
     fn default() -> CameraDesc {
         CameraDesc {
+            kind: CameraKind::Perspective,
             position: Vec3::ZERO,
             target: Vec3::NEG_Z,
             up: Vec3::Y,
             fov_deg: 45.0,
+            view_height: DEFAULT_VIEW_HEIGHT,
             aperture: 0.0,
             focus_distance: None,
             optics: Optics::default(),
@@ -86,6 +153,21 @@ impl CameraDesc {
         }
     }
 
+    /// Returns an error if a lens is set on a camera of a kind that cannot have one, with what to do
+    /// about it.
+    pub fn lens_problem(&self) -> Option<[String; 2]> {
+        let diameter = self.lens_diameter();
+        (self.kind != CameraKind::Perspective && diameter > 0.0).then(|| {
+            [
+                format!(
+                    "{} cameras have no lens, but the diameter of the lens is {diameter}",
+                    self.kind.name()
+                ),
+                "set `aperture = 0`, or the kind `perspective`".to_owned(),
+            ]
+        })
+    }
+
     /// Returns whether an f-number is set while the focal length is unknown.
     pub fn lacks_focal_length(&self) -> bool {
         self.optics.f_number.is_some() && self.focal_length().is_none()
@@ -102,6 +184,16 @@ mod tests {
             aperture: 0.25,
             optics,
             ..CameraDesc::default()
+        }
+    }
+
+    #[test]
+    fn names_of_kinds_are_those_of_their_rows() {
+        for (kind, name) in CAMERA_KINDS {
+            assert_eq!(
+                (kind.name(), CameraKind::from_name(name)),
+                (name, Some(kind))
+            );
         }
     }
 

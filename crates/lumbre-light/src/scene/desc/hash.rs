@@ -11,8 +11,8 @@ use glam::{Vec2, Vec3};
 
 use super::material_params::{MaterialParam, SURFACE};
 use super::{
-    EntityDesc, EnvironmentSampling, EnvironmentSource, LightKind, MATERIAL_PARAMS, MaterialDesc,
-    MaterialNames, MeshDesc, SceneDesc, ShapeDesc, Texels,
+    CameraDesc, CameraKind, EntityDesc, EnvironmentSampling, EnvironmentSource, LightKind,
+    MATERIAL_PARAMS, MaterialDesc, MaterialNames, MeshDesc, SceneDesc, ShapeDesc, Texels,
 };
 
 /// Version tags of the encodings below. A tag changes with its encoding, so that hashes of
@@ -36,10 +36,7 @@ pub fn content_hash(desc: &SceneDesc) -> [u8; 32] {
     for v in [camera.position, camera.target, camera.up] {
         vec3(&mut h, v);
     }
-    float(&mut h, camera.view_deg());
-    float(&mut h, camera.lens_diameter());
-    int(&mut h, u64::from(camera.focus_distance.is_some()));
-    float(&mut h, camera.focus_distance.unwrap_or(0.0));
+    hash_projection(&mut h, camera);
     let names = desc.material_names();
     int(&mut h, desc.materials.len() as u64);
     desc.materials
@@ -51,6 +48,27 @@ pub fn content_hash(desc: &SceneDesc) -> [u8; 32] {
         .for_each(|e| hash_entity(&mut h, &names, e));
     hash_lights(&mut h, desc);
     *h.finalize().as_bytes()
+}
+
+/// Writes what determines the rays of a camera, beside its position and orientation. Perspective
+/// cameras have no tag, so that their scenes keep the hashes that they had before other kinds
+/// existed.
+fn hash_projection(h: &mut Hasher, camera: &CameraDesc) {
+    match camera.kind {
+        CameraKind::Perspective => {
+            float(h, camera.view_deg());
+            float(h, camera.lens_diameter());
+            int(h, u64::from(camera.focus_distance.is_some()));
+            float(h, camera.focus_distance.unwrap_or(0.0));
+        }
+        CameraKind::Orthographic => {
+            h.update(b"orthographic");
+            float(h, camera.view_height);
+        }
+        CameraKind::Spherical => {
+            h.update(b"spherical");
+        }
+    }
 }
 
 fn hash_lights(h: &mut Hasher, desc: &SceneDesc) {
@@ -255,7 +273,7 @@ fn vec3(h: &mut Hasher, v: Vec3) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::desc::{CameraDesc, EnvironmentDesc, LightDesc, Transform};
+    use crate::scene::desc::{CAMERA_KINDS, CameraDesc, EnvironmentDesc, LightDesc, Transform};
     use std::path::PathBuf;
     use std::sync::Arc;
 
@@ -402,6 +420,22 @@ mod tests {
         let mut b = scene();
         b.camera.focus_distance = Some(0.0);
         assert_ne!(content_hash(&a), content_hash(&b));
+    }
+
+    #[test]
+    fn a_hash_depends_on_the_kind_of_the_camera_and_what_that_uses() {
+        let hash = |kind: CameraKind, change: fn(&mut CameraDesc)| {
+            let mut s = scene();
+            s.camera.kind = kind;
+            change(&mut s.camera);
+            content_hash(&s)
+        };
+        let plain = CAMERA_KINDS.map(|(kind, _)| hash(kind, |_| ()));
+        assert!(plain[0] != plain[1] && plain[1] != plain[2] && plain[2] != plain[0]);
+        let wider = CAMERA_KINDS.map(|(kind, _)| hash(kind, |c| c.fov_deg = 77.0));
+        assert!(wider[0] != plain[0] && wider[1..] == plain[1..]);
+        let higher = CAMERA_KINDS.map(|(kind, _)| hash(kind, |c| c.view_height = 77.0));
+        assert!(higher[1] != plain[1] && [higher[0], higher[2]] == [plain[0], plain[2]]);
     }
 
     #[test]

@@ -20,7 +20,9 @@ use std::sync::Arc;
 
 use glam::{Affine3A, DAffine3, DMat3, Vec2, Vec3};
 
-pub use camera::{CameraDesc, Optics};
+pub use camera::{
+    CAMERA_KIND_NAMES, CAMERA_KINDS, CameraDesc, CameraKind, Optics, VIEW_HEIGHT_RANGE,
+};
 pub use delay::{DelayDesc, DelayKind};
 pub use hash::{content_hash, mesh_hash, texture_hash};
 pub use light::{

@@ -27,8 +27,8 @@ use self::texture::{TexelConversion, TextureWriter};
 use self::uses::{InstanceKey, MeshUses};
 use self::xml::Xml;
 use super::desc::{
-    CameraDesc, DEFAULT_MATERIAL, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShadingNormals,
-    ShapeDesc, TextureSlot,
+    CameraDesc, CameraKind, DEFAULT_MATERIAL, EntityDesc, MaterialDesc, MeshDesc, SceneDesc,
+    ShadingNormals, ShapeDesc, TextureSlot,
 };
 
 use super::names::UniqueNames;
@@ -292,16 +292,31 @@ impl SceneWriter<'_> {
     /// Writes a camera.
     fn sensor(&mut self, camera: &CameraDesc, name: &str, reach: f32) {
         let id = self.ids.allocate(&identifier(name));
+        let parallel = camera.kind == CameraKind::Orthographic;
         let lens = camera.lens_diameter();
-        let kind = if lens > 0.0 {
-            "thinlens"
-        } else {
-            "perspective"
+        let kind = match camera.kind {
+            CameraKind::Orthographic => "orthographic",
+            CameraKind::Perspective if lens > 0.0 => "thinlens",
+            CameraKind::Perspective => "perspective",
+            CameraKind::Spherical => {
+                self.notes.push(scene_note(
+                    name,
+                    "Mitsuba has no spherical sensor; a perspective one of 90 degrees at its place \
+                     is written",
+                ));
+                "perspective"
+            }
         };
         let xml = &mut self.xml;
         xml.open("sensor", &[("type", kind), ("id", &id)]);
-        xml.value("float", "fov", camera.view_deg());
-        xml.value("string", "fov_axis", "y");
+        match camera.kind {
+            CameraKind::Orthographic => {}
+            CameraKind::Spherical => xml.value("float", "fov", 90.0),
+            CameraKind::Perspective => xml.value("float", "fov", camera.view_deg()),
+        }
+        if !parallel {
+            xml.value("string", "fov_axis", "y");
+        }
         // Mitsuba clips outside of these distances, and their ratio limits the precision of its
         // rays.
         xml.value("float", "near_clip", 1e-6 * reach);
@@ -320,6 +335,12 @@ impl SceneWriter<'_> {
             triple(camera.up),
         );
         xml.open("transform", &[("name", "to_world")]);
+        if parallel {
+            // The width of the picture is that of the interval from -1 to 1.
+            let [width, height] = self.desc.resolution.map(|n| n as f32);
+            let half = (0.5 * camera.view_height * width / height).to_string();
+            xml.leaf("scale", &[("x", &half), ("y", &half)]);
+        }
         xml.leaf(
             "lookat",
             &[("origin", &origin), ("target", &target), ("up", &up)],

@@ -75,6 +75,34 @@ impl FilterKind {
     }
 }
 
+/// Content of a film beyond its first and its last column, or row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FilmEdge {
+    /// More of the picture, which no pixel shows.
+    Open,
+    /// The other end of the film.
+    Wraps,
+    /// The film itself, mirrored.
+    Reflects,
+}
+
+impl FilmEdge {
+    /// Returns the index on a film of `count` pixels that the pixel with an index counted beyond
+    /// its edges is.
+    fn fold(self, index: i64, count: u32) -> u32 {
+        let count = i64::from(count);
+        let folded = match self {
+            FilmEdge::Open => index,
+            FilmEdge::Wraps => index.rem_euclid(count),
+            FilmEdge::Reflects => {
+                let period = index.rem_euclid(2 * count);
+                period.min(2 * count - 1 - period)
+            }
+        };
+        folded as u32
+    }
+}
+
 impl FilterSpec {
     /// The filter that is the pixel's own square.
     pub const PIXEL: FilterSpec = FilterSpec {
@@ -138,7 +166,12 @@ impl FilterSpec {
     /// the distance to its centre. Also returns the sum of the densities, which is the weight.
     /// Returns `None` if no pixel's filter covers the position or the radius is 0.
     #[inline]
-    pub fn choose_pixel(&self, q: f32, count: u32, u: f32) -> Option<(u32, f32)> {
+    pub fn choose_pixel(
+        &self,
+        q: f32,
+        (count, edge): (u32, FilmEdge),
+        u: f32,
+    ) -> Option<(u32, f32)> {
         if *self == FilterSpec::PIXEL {
             // Exactly one pixel's centre is within half a pixel.
             return (q >= 0.0 && q < count as f32).then(|| ((q as u32).min(count - 1), 1.0));
@@ -147,9 +180,12 @@ impl FilterSpec {
         if reach <= 0.0 || !(q + reach >= 0.0 && q - reach <= count as f32) {
             return None;
         }
-        let first = (q - reach - 0.5).ceil().max(0.0) as u32;
-        let end = ((q + reach - 0.5).floor() + 1.0).clamp(0.0, count as f32) as u32;
-        let density = |i: u32| self.density(q - i as f32 - 0.5);
+        let (mut first, mut end) = ((q - reach - 0.5).ceil(), (q + reach - 0.5).floor() + 1.0);
+        if edge == FilmEdge::Open {
+            (first, end) = (first.max(0.0), end.clamp(0.0, count as f32));
+        }
+        let (first, end) = (first as i64, end as i64);
+        let density = |i: i64| self.density(q - i as f32 - 0.5);
         let total: f32 = (first..end).map(density).sum();
         if total <= 0.0 {
             return None;
@@ -166,7 +202,7 @@ impl FilterSpec {
             }
             rest -= d;
         }
-        chosen.map(|i| (i, total))
+        chosen.map(|i| (edge.fold(i, count), total))
     }
 }
 
@@ -374,6 +410,27 @@ mod tests {
         }
     }
 
+    fn open(count: u32) -> (u32, FilmEdge) {
+        (count, FilmEdge::Open)
+    }
+
+    #[test]
+    fn films_of_spheres_wrap_around_and_are_reflected_at_the_poles() {
+        let folded = |edge: FilmEdge| [-9, -5, -1, 0, 3, 4, 7, 8, 11].map(|i| edge.fold(i, 4));
+        assert_eq!(folded(FilmEdge::Wraps), [3, 3, 3, 0, 3, 0, 3, 0, 3]);
+        assert_eq!(folded(FilmEdge::Reflects), [0, 3, 0, 0, 3, 3, 0, 0, 3]);
+        let f = FilterSpec {
+            kind: FilterKind::Tent,
+            radius: 1.0,
+        };
+        // A quarter of a pixel from the edge: three quarters of the filter of the first pixel, one
+        // quarter of that of the one before.
+        for (edge, before) in [(FilmEdge::Wraps, 3), (FilmEdge::Reflects, 0)] {
+            assert_eq!(f.choose_pixel(0.25, (4, edge), 0.1), Some((before, 1.0)));
+            assert_eq!(f.choose_pixel(0.25, (4, edge), 0.9), Some((0, 1.0)));
+        }
+    }
+
     #[test]
     fn pixels_are_chosen_in_proportion_to_what_they_want() {
         for (kind, name) in FILTERS {
@@ -384,8 +441,9 @@ mod tests {
                 let n = 1000;
                 let mut counts = [0.0f32; 7];
                 for i in 0..n {
-                    let (pixel, weight) =
-                        f.choose_pixel(q, 7, (i as f32 + 0.5) / n as f32).unwrap();
+                    let (pixel, weight) = f
+                        .choose_pixel(q, open(7), (i as f32 + 0.5) / n as f32)
+                        .unwrap();
                     assert!((weight / total - 1.0).abs() < 1e-5, "{name}");
                     counts[pixel as usize] += 1.0;
                 }
@@ -397,18 +455,18 @@ mod tests {
                 }
             }
             assert_eq!(
-                FilterSpec { kind, radius: 0.0 }.choose_pixel(1.5, 4, 0.5),
+                FilterSpec { kind, radius: 0.0 }.choose_pixel(1.5, open(4), 0.5),
                 None,
                 "{name}"
             );
             assert_eq!(
-                FilterSpec { kind, radius: 0.5 }.choose_pixel(f32::NAN, 4, 0.5),
+                FilterSpec { kind, radius: 0.5 }.choose_pixel(f32::NAN, open(4), 0.5),
                 None,
                 "{name}"
             );
         }
-        assert_eq!(FilterSpec::PIXEL.choose_pixel(-0.1, 4, 0.5), None);
-        assert_eq!(FilterSpec::PIXEL.choose_pixel(4.0, 4, 0.5), None);
+        assert_eq!(FilterSpec::PIXEL.choose_pixel(-0.1, open(4), 0.5), None);
+        assert_eq!(FilterSpec::PIXEL.choose_pixel(4.0, open(4), 0.5), None);
     }
 
     #[test]

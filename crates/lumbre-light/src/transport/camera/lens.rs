@@ -1,12 +1,15 @@
-//! Pinhole and thin-lens cameras.
+//! Cameras of all kinds, with the perspective of pinholes and thin lenses.
+
+use std::f32::consts::{FRAC_PI_2, PI};
 
 use glam::Vec3;
 
 use super::FilterSpec;
+use super::filter::FilmEdge;
 use crate::math::real::{Mask, Real, Vector};
 use crate::math::simd::{Lanes, active_lanes};
 use crate::math::warp::concentric_disk_lanes;
-use crate::scene::desc::CameraDesc;
+use crate::scene::desc::{CameraDesc, CameraKind};
 use crate::transport::ray::Ray;
 use crate::transport::sampler::Sampler;
 
@@ -14,7 +17,9 @@ use crate::transport::sampler::Sampler;
 /// the right.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
-    /// Centre of the lens in world space.
+    /// Map from film positions to rays.
+    pub kind: CameraKind,
+    /// Centre of the lens in world space; of an orthographic camera, of the film.
     pub position: Vec3,
     /// Unit vector to the right of the picture.
     pub right: Vec3,
@@ -22,7 +27,8 @@ pub struct Camera {
     pub up: Vec3,
     /// Unit vector of the viewing direction.
     pub forward: Vec3,
-    /// Half extent of the picture at distance 1, horizontal and vertical.
+    /// Half extent of the picture, horizontal and vertical: at distance 1; of an orthographic
+    /// camera in scene units; of a spherical one in radians.
     pub half: [f32; 2],
     /// Width and height in pixels.
     pub resolution: [f32; 2],
@@ -41,7 +47,8 @@ pub struct Camera {
 pub struct CameraConnection {
     /// Column and row of the pixel that receives the light.
     pub pixel: [u32; 2],
-    /// Point of the lens in world space; the pinhole itself if there is no lens.
+    /// Point of the lens in world space; the pinhole itself if there is no lens; of an orthographic
+    /// camera, the point of the film.
     pub lens: Vec3,
     /// Unit direction from the lens to the scene point.
     pub dir: Vec3,
@@ -58,7 +65,7 @@ pub struct CameraConnection {
     /// the lens point has been divided out; times the sum of the filters of all pixels at this film
     /// position, which is one for a box of one pixel.
     pub importance: f32,
-    /// Density per solid angle of a camera ray in direction `dir`: [`Camera::pdf_w`].
+    /// Density per solid angle of a camera ray in direction `dir`: [`Camera::pdf_w_at`].
     pub pdf_w: f32,
 }
 
@@ -110,15 +117,30 @@ impl Camera {
             .unwrap_or_else(|| forward.any_orthonormal_vector());
         let up = right.cross(forward);
         let resolution = resolution.map(|n| n as f32);
-        let half_y = (0.5 * desc.view_deg().to_radians()).tan();
+        let half = match desc.kind {
+            CameraKind::Perspective => {
+                let half_y = (0.5 * desc.view_deg().to_radians()).tan();
+                [half_y * resolution[0] / resolution[1], half_y]
+            }
+            CameraKind::Orthographic => {
+                let half_y = 0.5 * desc.view_height;
+                [half_y * resolution[0] / resolution[1], half_y]
+            }
+            CameraKind::Spherical => [PI, FRAC_PI_2],
+        };
+        let lens_diameter = match desc.kind {
+            CameraKind::Perspective => desc.lens_diameter(),
+            CameraKind::Orthographic | CameraKind::Spherical => 0.0,
+        };
         Camera {
+            kind: desc.kind,
             position: desc.position,
             right,
             up,
             forward,
-            half: [half_y * resolution[0] / resolution[1], half_y],
+            half,
             resolution,
-            lens_radius: 0.5 * desc.lens_diameter(),
+            lens_radius: 0.5 * lens_diameter,
             focus_distance: desc.focus_distance.unwrap_or_else(|| axis.length()),
             filter,
         }
@@ -156,6 +178,13 @@ impl Camera {
         self.lens_radius > 0.0
     }
 
+    /// Returns whether all rays have the same direction, so that their density is one per area
+    /// perpendicular to them and none per solid angle.
+    #[inline]
+    pub fn is_parallel(&self) -> bool {
+        self.kind == CameraKind::Orthographic
+    }
+
     /// Computes origins and unit directions of [`Camera::sample_ray`]; scalar or vectorised.
     /// `lens_u` is ignored without a lens.
     #[inline(always)]
@@ -168,6 +197,13 @@ impl Camera {
         let [dx, dy] = self.filter.sample(filter_u);
         let x = film_coordinate(pixel[0], dx, self.resolution[0]) * V::Scalar::splat(self.half[0]);
         let y = film_coordinate(pixel[1], dy, self.resolution[1]) * V::Scalar::splat(self.half[1]);
+        match self.kind {
+            CameraKind::Perspective => {}
+            CameraKind::Orthographic => return self.parallel_ray([x, y]),
+            CameraKind::Spherical => {
+                return [V::broadcast(self.position), self.direction_at([x, y])];
+            }
+        }
         let [position, right, up] = [
             V::broadcast(self.position),
             V::broadcast(self.right),
@@ -212,6 +248,9 @@ impl Camera {
         point: V,
         lens_u: [R; 2],
     ) -> Projection<V> {
+        if self.is_parallel() {
+            return self.project_parallel(point);
+        }
         let disk = self.lens_offset(lens_u);
         let to = point - self.lens_point(disk);
         let distance = to.length();
@@ -236,7 +275,8 @@ impl Camera {
     }
 
     /// Projects light from outside the scene onto the film: `dir` is the unit direction from the
-    /// lens. The distance is infinite.
+    /// lens. The distance is infinite. No direction is ahead of an orthographic camera: light of its
+    /// own direction would reach the whole film.
     #[inline(always)]
     pub fn project_distant<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(
         &self,
@@ -272,6 +312,18 @@ impl Camera {
         disk: [R; 2],
         dir: V,
     ) -> Projection<V> {
+        let lens = self.lens_point(disk);
+        let distance = R::splat(f32::INFINITY);
+        if self.kind == CameraKind::Spherical {
+            return Projection {
+                ahead: self.off_poles(dir),
+                raster: self.raster(self.angles_of(dir)),
+                lens,
+                dir,
+                distance,
+                pdf_w: self.pdf_w(dir),
+            };
+        }
         let depth = dir.dot(V::broadcast(self.forward));
         // Intersect the plane of focus, relative to the camera and scaled back to distance one. For
         // a pinhole that plane is arbitrary.
@@ -285,20 +337,32 @@ impl Camera {
         } else {
             [R::splat(0.0); 2]
         };
+        let ahead = depth.gt(R::splat(0.0)) & dir.is_finite();
+        Projection {
+            ahead: if self.is_parallel() {
+                R::Mask::default()
+            } else {
+                ahead
+            },
+            raster: self.raster([x + shift[0], -(y + shift[1])]),
+            lens,
+            dir,
+            distance,
+            pdf_w: self.pdf_w(dir),
+        }
+    }
+
+    /// Returns the film position in pixels from the upper left corner, of coordinates from the
+    /// centre in the unit of [`Camera::half`], to the right and downwards.
+    #[inline(always)]
+    pub(super) fn raster<R: Real>(&self, [x, y]: [R; 2]) -> [R; 2] {
         let [half_x, half_y] = self.half.map(R::splat);
         let [width, height] = self.resolution.map(R::splat);
         let (half, one) = (R::splat(0.5), R::splat(1.0));
-        Projection {
-            ahead: depth.gt(R::splat(0.0)) & dir.is_finite(),
-            raster: [
-                half * ((x + shift[0]) / half_x + one) * width,
-                half * (-(y + shift[1]) / half_y + one) * height,
-            ],
-            lens: self.lens_point(disk),
-            dir,
-            distance: R::splat(f32::INFINITY),
-            pdf_w: self.pdf_w(dir),
-        }
+        [
+            half * (x / half_x + one) * width,
+            half * (y / half_y + one) * height,
+        ]
     }
 
     /// Chooses the pixel at a projection and computes the importance at the lens.
@@ -355,12 +419,17 @@ impl Camera {
     /// the position.
     #[inline]
     pub fn choose_pixel(&self, raster: [f32; 2], filter_u: [f32; 2]) -> Option<([u32; 2], f32)> {
-        let (column, weight_x) =
+        let edges = match self.kind {
+            CameraKind::Perspective | CameraKind::Orthographic => [FilmEdge::Open; 2],
+            CameraKind::Spherical => [FilmEdge::Wraps, FilmEdge::Reflects],
+        };
+        let choose = |axis: usize| {
+            let count = self.resolution[axis] as u32;
             self.filter
-                .choose_pixel(raster[0], self.resolution[0] as u32, filter_u[0])?;
-        let (row, weight_y) =
-            self.filter
-                .choose_pixel(raster[1], self.resolution[1] as u32, filter_u[1])?;
+                .choose_pixel(raster[axis], (count, edges[axis]), filter_u[axis])
+        };
+        let (column, weight_x) = choose(0)?;
+        let (row, weight_y) = choose(1)?;
         Some(([column, row], weight_x * weight_y))
     }
 
@@ -370,8 +439,13 @@ impl Camera {
     }
 
     /// Returns the density per solid angle of a camera ray in the unit direction `dir` over all
-    /// pixels: `1 / (A cos^3)` for a uniform film, with `A` the film's area at distance one and the
-    /// cosine to the optical axis. It does not depend on the point of the lens.
+    /// pixels. It does not depend on the point of the lens. `A` is the film's area in the unit of
+    /// [`Camera::half`].
+    ///
+    /// - `1 / (A cos^3)` for a perspective camera, with the cosine to the optical axis;
+    /// - `1 / (A sin)` for a spherical camera, with the sine of the angle to the up direction;
+    /// - `1 / A` for an orthographic camera, per area perpendicular to its rays instead; see
+    ///   [`Camera::pdf_w_at`].
     ///
     /// With a box of one pixel this is exact for directions that meet the film. With other filters
     /// the density of film positions ripples about it from pixel to pixel and falls off softly at
@@ -384,10 +458,31 @@ impl Camera {
         if self.filter.reach() <= 0.0 {
             return zero;
         }
+        let area = R::splat(4.0 * self.half[0] * self.half[1]);
+        if self.kind == CameraKind::Spherical {
+            let density = R::splat(1.0) / (area * self.sin_theta(dir));
+            return R::select(self.off_poles(dir), density, zero);
+        }
         let cos = dir.dot(V::broadcast(self.forward));
-        let density =
-            R::splat(1.0) / (R::splat(4.0 * self.half[0] * self.half[1]) * cos * cos * cos);
+        let density = if self.is_parallel() {
+            R::splat(1.0) / area
+        } else {
+            R::splat(1.0) / (area * cos * cos * cos)
+        };
         R::select(cos.le(zero), zero, density)
+    }
+
+    /// Returns the density per solid angle of a camera ray in the unit direction `dir` that is
+    /// worth its density per area at this distance: [`Camera::pdf_w`], of parallel rays times the
+    /// squared distance.
+    #[inline(always)]
+    pub fn pdf_w_at<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(&self, dir: V, distance: R) -> R {
+        let density = self.pdf_w(dir);
+        if self.is_parallel() {
+            density * (distance * distance)
+        } else {
+            density
+        }
     }
 }
 
@@ -400,7 +495,6 @@ fn film_coordinate<R: Real>(pixel: R, offset: R, resolution: f32) -> R {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::desc::Optics;
     use crate::transport::camera::FilterKind;
 
     fn desc(aperture: f32) -> CameraDesc {
@@ -410,8 +504,7 @@ mod tests {
             up: Vec3::Y,
             fov_deg: 90.0,
             aperture,
-            focus_distance: None,
-            optics: Optics::default(),
+            ..CameraDesc::default()
         }
     }
 

@@ -34,7 +34,7 @@ fn camera(aperture: f32, filter: FilterSpec) -> Camera {
         fov_deg: 50.0,
         aperture,
         focus_distance: Some(1.9),
-        optics: Optics::default(),
+        ..CameraDesc::default()
     };
     Camera::new(&desc, SIZE, filter)
 }
@@ -252,6 +252,7 @@ fn small_format_camera() -> CameraDesc {
         aperture: 9.0,
         focus_distance: None,
         optics,
+        ..CameraDesc::default()
     }
 }
 

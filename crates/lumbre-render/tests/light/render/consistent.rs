@@ -8,7 +8,7 @@ use lumbre_light::film::Film;
 use lumbre_light::math::stats::sidak;
 use lumbre_light::math::t_test::two_sided_p;
 use lumbre_light::scene::compile::{Material, Model, Texture};
-use lumbre_light::scene::desc::{ConeDesc, ConeEdge};
+use lumbre_light::scene::desc::{CameraKind, ConeDesc, ConeEdge};
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL, SamplerRow};
 use lumbre_light::value::Value;
@@ -24,6 +24,15 @@ use crate::render::consistent_fixtures::{
 #[test]
 fn they_agree_on_a_diffuse_box() {
     agree_with("nee", &panel(boxed(grey(0.5))), 5, 6000);
+}
+
+#[test]
+fn they_agree_in_pictures_of_orthographic_and_spherical_cameras() {
+    for kind in [CameraKind::Orthographic, CameraKind::Spherical] {
+        let mut scene = Arc::unwrap_or_clone(panel(boxed(grey(0.5))));
+        (scene.camera.kind, scene.camera.view_height) = (kind, 1.5);
+        agree_with("nee", &Arc::new(scene), 5, 6000);
+    }
 }
 
 #[test]

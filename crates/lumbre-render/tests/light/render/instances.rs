@@ -9,8 +9,8 @@ use lumbre_light::math::warp::uniform_sphere;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{NONE, Sharing, compile_sharing};
 use lumbre_light::scene::desc::{
-    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, Optics,
-    SceneDesc, ShapeDesc, Transform, mesh_hash,
+    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, SceneDesc,
+    ShapeDesc, Transform, mesh_hash,
 };
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::ray::{Hit, Ray};
@@ -121,7 +121,7 @@ pub fn desc(materials: Vec<MaterialDesc>, entities: Vec<EntityDesc>) -> SceneDes
             fov_deg: 45.0,
             aperture: 0.0,
             focus_distance: None,
-            optics: Optics::default(),
+            ..CameraDesc::default()
         },
         materials,
         entities,

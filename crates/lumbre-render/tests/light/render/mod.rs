@@ -22,6 +22,7 @@ mod bsdf_limits;
 mod bsdf_symmetry;
 mod builders;
 mod camera;
+mod camera_kinds;
 mod consistent;
 mod consistent_bias;
 mod consistent_fixtures;

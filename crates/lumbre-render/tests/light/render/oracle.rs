@@ -8,7 +8,7 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{
     Cone, DirectionalLight, Environment, Material, Model, PointLight, Texture,
 };
-use lumbre_light::scene::desc::{ConeDesc, ConeEdge};
+use lumbre_light::scene::desc::{CameraKind, ConeDesc, ConeEdge};
 use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::{Camera, FilterKind, FilterSpec};
 use lumbre_light::transport::integrator::oracle::{self, OracleReport};
@@ -362,6 +362,34 @@ fn weights_are_exact_with_a_thin_lens() {
     (scene.camera.aperture, scene.camera.focus_distance) = (0.4, Some(2.5));
     scene.environment = Some(sky());
     assert_weights_are_exact(&Arc::new(scene), 5);
+}
+
+#[test]
+fn weights_are_exact_with_orthographic_and_spherical_cameras() {
+    let glass = Material {
+        opacity: 0.0,
+        ..WHITE
+    };
+    for kind in [CameraKind::Orthographic, CameraKind::Spherical] {
+        let mut scene = Arc::unwrap_or_clone(
+            stage()
+                .sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0))
+                .sphere(Vec3::new(0.6, 0.45, 0.2), 0.4, glass)
+                .build(),
+        );
+        (scene.camera.kind, scene.camera.view_height) = (kind, 3.0);
+        if kind == CameraKind::Spherical {
+            // Between the floor, the wall and the lights.
+            scene.camera.position = Vec3::new(0.2, 1.0, 0.9);
+        }
+        scene.environment = Some(sky());
+        let scene = Arc::new(scene);
+        let report = assert_weights_are_exact(&scene, 5);
+        for s in 1..=5 {
+            let paths = report.strategies[s][1];
+            assert!(paths > 0, "{kind:?}: no splats with {s} light vertices");
+        }
+    }
 }
 
 #[test]

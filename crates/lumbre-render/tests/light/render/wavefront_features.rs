@@ -6,8 +6,9 @@ use std::sync::Arc;
 use glam::{Vec3, Vec4};
 use lumbre_light::film::layer::{LAYERS, Layer};
 use lumbre_light::scene::compile::{Material, Texture};
-use lumbre_light::scene::desc::SceneDesc;
+use lumbre_light::scene::desc::{CameraKind, SceneDesc};
 use lumbre_light::scene::{CompiledScene, compile};
+use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::transport::delay::Profile;
 use lumbre_light::transport::path_time::Timing;
 use lumbre_light::transport::sampler::SOBOL;
@@ -60,6 +61,30 @@ fn samplers_layers_and_light_selection_have_the_same_bits_in_lanes() {
     };
     assert_same_bits("all lights, sobol, layers", &scene, all_by_sobol, 3);
 }
+
+#[test]
+fn all_kinds_of_cameras_have_the_same_bits_in_lanes() {
+    for kind in [CameraKind::Orthographic, CameraKind::Spherical] {
+        let scene = room(DISNEY)
+            .with(|s| (s.camera.kind, s.camera.view_height) = (kind, 1.3))
+            .build();
+        for filter in [FilterSpec::PIXEL, TENT] {
+            let job = Job {
+                filter,
+                ..nee_job([21, 9], 5)
+            };
+            for job in techniques(&job) {
+                assert_same_bits(kind.name(), &scene, job, 3);
+            }
+        }
+    }
+}
+
+/// A filter that reaches over the edges of a film.
+const TENT: FilterSpec = FilterSpec {
+    kind: FilterKind::Tent,
+    radius: 1.5,
+};
 
 /// Gives a parameter of a material the texture with an index.
 type SetTexture = fn(&mut Material, u32);

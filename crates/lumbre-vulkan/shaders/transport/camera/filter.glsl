@@ -147,11 +147,28 @@ float filter_density(FilterSpec f, float x) {
     }
 }
 
+// What lies beyond the first and the last column, or row, of a film: `FilmEdge`.
+const uint FILM_EDGE_OPEN = 0u;
+const uint FILM_EDGE_WRAPS = 1u;
+const uint FILM_EDGE_REFLECTS = 2u;
+
+// Returns the index on a film of `count` pixels that the pixel with an index counted beyond its
+// edges is.
+uint film_edge_fold(uint edge, int index, int count) {
+    if (edge == FILM_EDGE_OPEN) {
+        return uint(index);
+    }
+    bool reflects = edge == FILM_EDGE_REFLECTS;
+    int period = reflects ? 2 * count : count;
+    int folded = index - period * int(floor(float(index) / float(period)));
+    return uint(reflects ? min(folded, period - 1 - folded) : folded);
+}
+
 // Chooses the column (or row) among `count` that receives a light path at the film position `q`, in
 // pixels from the edge, with the sum of the densities as weight; false if no pixel's filter covers
 // the position.
 bool filter_choose_pixel(
-    FilterSpec f, float q, uint count, float u, out uint chosen, out float weight
+    FilterSpec f, float q, uint count, uint edge, float u, out uint chosen, out float weight
 ) {
     chosen = 0u;
     weight = 1.0;
@@ -163,20 +180,22 @@ bool filter_choose_pixel(
     if (reach <= 0.0 || !(q + reach >= 0.0 && q - reach <= float(count))) {
         return false;
     }
-    uint first = uint(max(ceil(q - reach - 0.5), 0.0));
-    uint end = uint(clamp(floor(q + reach - 0.5) + 1.0, 0.0, float(count)));
+    float least = ceil(q - reach - 0.5), past = floor(q + reach - 0.5) + 1.0;
+    bool open = edge == FILM_EDGE_OPEN;
+    int first = int(open ? max(least, 0.0) : least);
+    int end = int(open ? clamp(past, 0.0, float(count)) : past);
     float total = 0.0, rest = 0.0;
     bool found = false;
     // The first pass sums, the second one chooses.
     [[dont_unroll]] for (uint pass = 0u; pass < 2u; ++pass) {
-        [[dont_unroll]] for (uint i = first; i < end; ++i) {
+        [[dont_unroll]] for (int i = first; i < end; ++i) {
             float d = filter_density(f, q - float(i) - 0.5);
             if (pass == 0u) {
                 total += d;
                 continue;
             }
             if (d > 0.0) {
-                chosen = i;
+                chosen = film_edge_fold(edge, i, int(count));
                 found = true;
                 if (rest < d) {
                     break;

@@ -7,6 +7,8 @@
 #include "scene.glsl"
 #include "math/warp.glsl"
 #include "transport/camera/filter.glsl"
+#include "transport/camera/orthographic.glsl"
+#include "transport/camera/spherical.glsl"
 #include "transport/ray.glsl"
 #include "transport/sampler/mod.glsl"
 
@@ -29,6 +31,12 @@ FilterSpec camera_filter() {
 Ray camera_sample_ray(uvec2 pixel, inout Sampler numbers) {
     vec2 offset = filter_sample(camera_filter(), next_2d(numbers));
     vec2 film = 2.0 * (vec2(pixel) + 0.5 + offset) / vec2(job.resolution) - 1.0;
+    if (camera_is_parallel()) {
+        return camera_parallel_ray(film * job.camera_half);
+    }
+    if (job.camera_kind == CAMERA_SPHERICAL) {
+        return Ray(job.camera_position, camera_direction_at(film * job.camera_half));
+    }
     vec3 through = job.camera_forward + job.camera_right * (film.x * job.camera_half.x)
         - job.camera_up * (film.y * job.camera_half.y);
     if (job.lens_radius <= 0.0) {
@@ -48,35 +56,50 @@ vec3 camera_lens_point(vec2 disk) {
     return job.camera_position + job.camera_right * disk.x + job.camera_up * disk.y;
 }
 
-// Returns the density per solid angle of a camera ray in the unit direction `dir` over all pixels.
+// Returns the density per solid angle of a camera ray in the unit direction `dir` over all pixels;
+// of parallel rays, per area perpendicular to them.
 float camera_pdf_w(vec3 dir) {
+    float area = 4.0 * job.camera_half.x * job.camera_half.y;
     float cos_axis = dot(dir, job.camera_forward);
-    if (cos_axis <= 0.0 || filter_reach(camera_filter()) <= 0.0) {
+    if (filter_reach(camera_filter()) <= 0.0) {
         return 0.0;
     }
-    return 1.0 / (4.0 * job.camera_half.x * job.camera_half.y * cos_axis * cos_axis * cos_axis);
+    if (job.camera_kind == CAMERA_SPHERICAL) {
+        return camera_off_poles(dir) ? 1.0 / (area * camera_sin_theta(dir)) : 0.0;
+    }
+    if (cos_axis <= 0.0) {
+        return 0.0;
+    }
+    return 1.0 / (camera_is_parallel() ? area : area * cos_axis * cos_axis * cos_axis);
 }
 
-// Projects light that arrives along `-dir` through a point of the lens onto the film, and chooses
-// the pixel.
-bool camera_project_direction(vec2 disk, vec3 dir, vec2 filter_u, out CameraConnection c) {
+// Projects light that arrives along `-dir` through a point of the lens onto the film, in pixels;
+// false if it is not ahead of the camera.
+bool camera_project_direction(vec2 disk, vec3 dir, out vec2 raster) {
     float depth = dot(dir, job.camera_forward);
     vec2 xy = vec2(dot(dir, job.camera_right), dot(dir, job.camera_up)) / depth;
     vec2 shift = job.lens_radius > 0.0 ? disk / job.focus_distance : vec2(0.0);
-    vec2 film = (xy + shift) / job.camera_half;
-    vec2 raster = 0.5 * (vec2(film.x, -film.y) + 1.0) * vec2(job.resolution);
-    c = CameraConnection(
-        uvec2(0u), camera_lens_point(disk), dir, INFINITY, camera_pdf_w(dir), camera_pdf_w(dir)
-    );
-    if (!(depth > 0.0 && is_finite(dir))) {
-        return false;
+    vec2 film = xy + shift;
+    film.y = -film.y;
+    bool ahead = depth > 0.0 && is_finite(dir) && !camera_is_parallel();
+    if (job.camera_kind == CAMERA_SPHERICAL) {
+        film = camera_angles_of(dir);
+        ahead = camera_off_poles(dir);
     }
+    raster = 0.5 * (film / job.camera_half + 1.0) * vec2(job.resolution);
+    return ahead;
+}
+
+// Chooses the pixel at a film position, and multiplies the importance by the weight of the choice.
+bool camera_choose_pixel(vec2 raster, vec2 filter_u, inout CameraConnection c) {
     bool found = true;
+    bool sphere = job.camera_kind == CAMERA_SPHERICAL;
     [[dont_unroll]] for (uint i = 0u; i < 2u && found; ++i) {
         uint chosen;
         float weight;
+        uint edge = sphere ? (i == 0u ? FILM_EDGE_WRAPS : FILM_EDGE_REFLECTS) : FILM_EDGE_OPEN;
         found = filter_choose_pixel(
-            camera_filter(), raster[i], job.resolution[i], filter_u[i], chosen, weight
+            camera_filter(), raster[i], job.resolution[i], edge, filter_u[i], chosen, weight
         );
         c.pixel[i] = chosen;
         c.importance *= weight;
@@ -90,12 +113,25 @@ bool camera_connect(bool far, vec3 point, vec2 lens_u, vec2 filter_u, out Camera
     vec2 disk = camera_lens_offset(lens_u);
     vec3 to = point - camera_lens_point(disk);
     float distance = far ? INFINITY : length(to);
-    bool met = camera_project_direction(disk, far ? point : to / distance, filter_u, c);
-    if (!far) {
-        c.distance = distance;
-        c.importance /= distance * distance;
+    vec3 dir = far ? point : to / distance;
+    bool parallel = camera_is_parallel() && !far;
+    vec2 raster;
+    bool ahead = camera_project_direction(disk, dir, raster);
+    c = CameraConnection(uvec2(0u), camera_lens_point(disk), dir, distance, 0.0, 0.0);
+    if (parallel) {
+        vec3 at = camera_project_parallel(point);
+        ahead = at.z > 0.0 && is_finite(at);
+        raster = 0.5 * (vec2(at.x, -at.y) / job.camera_half + 1.0) * vec2(job.resolution);
+        c.lens = camera_film_point(at.xy);
+        c.dir = job.camera_forward;
+        c.distance = at.z;
     }
-    return met;
+    c.pdf_w = camera_pdf_w(c.dir);
+    if (parallel) {
+        c.pdf_w *= c.distance * c.distance;
+    }
+    c.importance = far ? c.pdf_w : c.pdf_w / (c.distance * c.distance);
+    return ahead && camera_choose_pixel(raster, filter_u, c);
 }
 
 #endif

@@ -21,7 +21,8 @@ use super::texture::TextureWriter;
 use super::uses::{self, InstanceKey, MeshUses};
 use super::{Exported, OutputFolder, identifier, scene_note, sphere_place};
 use crate::scene::desc::{
-    CameraDesc, ConeEdge, EntityDesc, EnvironmentSource, LightKind, MeshDesc, SceneDesc, ShapeDesc,
+    CameraDesc, CameraKind, ConeEdge, EntityDesc, EnvironmentSource, LightKind, MeshDesc,
+    SceneDesc, ShapeDesc,
 };
 use crate::scene::load::environment_square;
 use crate::scene::names::UniqueNames;
@@ -115,26 +116,56 @@ impl PbrtWriter<'_> {
         }
     }
 
-    /// Writes the camera. Its field of view is that of the smaller side.
+    /// Writes the camera. Its view is that of the smaller side.
     fn camera(&mut self, camera: &CameraDesc) {
         let [width, height] = self.desc.resolution.map(f64::from);
-        let half = (0.5 * f64::from(camera.view_deg()).to_radians()).tan();
-        let smaller = half * (width / height).min(1.0);
-        let text = &mut self.text;
-        text.line("Scale -1 1 1");
+        let smaller = |half: f64| half * (width / height).min(1.0);
         let (p, t, u) = (camera.position, camera.target, camera.up);
-        text.line(&format!(
-            "LookAt {} {} {}  {} {} {}  {} {} {}",
-            p.x, p.y, p.z, t.x, t.y, t.z, u.x, u.y, u.z
-        ));
+        if camera.kind == CameraKind::Spherical {
+            self.spherical_camera(p, t - p, u);
+            return;
+        }
+        self.text.line("Scale -1 1 1");
+        self.look_at([p, t, u]);
+        let text = &mut self.text;
+        if camera.kind == CameraKind::Orthographic {
+            let half = 0.5 * camera.view_height;
+            let across = half * (width / height) as f32;
+            text.directive("Camera", "orthographic");
+            text.parameter(&format!(
+                "\"float screenwindow\" [ {} {across} {} {half} ]",
+                -across, -half
+            ));
+            return;
+        }
+        let half = smaller((0.5 * f64::from(camera.view_deg()).to_radians()).tan());
         text.directive("Camera", "perspective");
-        text.number("float fov", (2.0 * smaller.atan()).to_degrees() as f32);
+        text.number("float fov", (2.0 * half.atan()).to_degrees() as f32);
         let lens = camera.lens_diameter();
         if lens > 0.0 {
             let focus = camera.focus_distance.unwrap_or_else(|| p.distance(t));
             text.number("float lensradius", 0.5 * lens);
             text.number("float focaldistance", focus);
         }
+    }
+
+    /// Writes a spherical camera. The longitudes of pbrt grow from the right to the left, so there
+    /// is no exchange of sides, and the forward direction of pbrt, a quarter of the picture from
+    /// its left edge, is on the left of the camera.
+    fn spherical_camera(&mut self, position: Vec3, axis: Vec3, up: Vec3) {
+        let left = up.cross(axis).normalize_or(Vec3::NEG_X);
+        let above = axis.cross(left).normalize_or(up);
+        self.look_at([position, position + left, above]);
+        self.text.directive("Camera", "spherical");
+        self.text.string("string mapping", "equirectangular");
+    }
+
+    /// Writes the transform of a camera at a position that looks at a target, with an up direction.
+    fn look_at(&mut self, [p, t, u]: [Vec3; 3]) {
+        self.text.line(&format!(
+            "LookAt {} {} {}  {} {} {}  {} {} {}",
+            p.x, p.y, p.z, t.x, t.y, t.z, u.x, u.y, u.z
+        ));
     }
 
     /// Writes the materials.

@@ -249,6 +249,7 @@ impl FolderLoader<'_> {
                 focal_length: Some(focal as f32),
                 sensor_height: Some(sensor_height as f32),
             },
+            ..CameraDesc::default()
         };
         if camera.position == camera.target {
             return Err(self.diagnostics.error(

@@ -25,8 +25,8 @@ use self::material::{MaterialReader, UvSets};
 use super::default_scene;
 use super::{MissingTextures, scn};
 use crate::scene::desc::{
-    CameraDesc, ConeDesc, ConeEdge, EntityDesc, LightDesc, LightKind, MaterialDesc, MeshDesc,
-    Optics, SceneDesc, ShapeDesc, Transform,
+    CameraDesc, CameraKind, ConeDesc, ConeEdge, EntityDesc, LightDesc, LightKind, MaterialDesc,
+    MeshDesc, SceneDesc, ShapeDesc, Transform, VIEW_HEIGHT_RANGE,
 };
 use crate::scene::names::UniqueNames;
 use crate::scene::{Note, SceneError};
@@ -264,15 +264,17 @@ impl GltfLoader<'_> {
     /// Reads the camera of a node, unless there is one already.
     fn camera(&mut self, place: &str, node: &Json, world: DAffine3) -> Result<(), SceneError> {
         let (i, camera) = self.document.resolve(place, "cameras", &node["camera"])?;
-        let fov = camera["perspective"]["yfov"]
-            .as_f64()
-            .map(f64::to_degrees)
-            .filter(|d| (0.01..179.0).contains(d));
-        let (Some(fov), None) = (fov, &self.camera) else {
-            self.note(
-                &format!("cameras[{i}]"),
-                "only the first perspective camera is used; this one is ignored",
-            );
+        let view = match camera["type"].as_str() {
+            Some("orthographic") => self.parallel_view(i, &camera["orthographic"]),
+            _ => perspective_view(&camera["perspective"]),
+        };
+        let (Some(view), None) = (view, &self.camera) else {
+            let reason = if self.camera.is_some() {
+                "only the first camera is used; this one is ignored"
+            } else {
+                "its view is missing or out of range; this camera is ignored"
+            };
+            self.note(&format!("cameras[{i}]"), reason);
             return Ok(());
         };
         let axis = |v: DVec3| world.transform_vector3(v).normalize_or(v).as_vec3();
@@ -281,12 +283,32 @@ impl GltfLoader<'_> {
             position,
             target: position + axis(DVec3::NEG_Z),
             up: axis(DVec3::Y),
-            fov_deg: fov as f32,
-            aperture: 0.0,
-            focus_distance: None,
-            optics: Optics::default(),
+            ..view
         });
         Ok(())
+    }
+
+    /// Reads the view of the orthographic camera number `i`; `None` if it is out of range. Its
+    /// magnifications are half the extents of the picture.
+    fn parallel_view(&mut self, i: usize, view: &Json) -> Option<CameraDesc> {
+        let [x, y] = ["xmag", "ymag"].map(|key| view[key].as_f64().map(f64::abs));
+        let (x, y) = (x?, y?);
+        let [least, most] = VIEW_HEIGHT_RANGE;
+        if !(least..=most).contains(&(2.0 * y)) {
+            return None;
+        }
+        let [width, height] = scn::DEFAULT_RESOLUTION.map(f64::from);
+        if (x / y * height / width - 1.0).abs() > 2e-3 {
+            self.note(
+                &format!("cameras[{i}]"),
+                "`xmag` over `ymag` differs from width over height of the picture; `ymag` is used",
+            );
+        }
+        Some(CameraDesc {
+            kind: CameraKind::Orthographic,
+            view_height: (2.0 * y) as f32,
+            ..CameraDesc::default()
+        })
     }
 
     /// Adds the light of a node.
@@ -360,6 +382,15 @@ fn spot_cone(spot: &Json) -> Result<ConeDesc, String> {
 /// Returns the elements of a list, or none for anything else.
 fn list(v: &Json) -> Vec<Json> {
     v.as_array().cloned().unwrap_or_default()
+}
+
+/// Reads the view of a perspective camera; `None` if it is missing or out of range.
+fn perspective_view(view: &Json) -> Option<CameraDesc> {
+    let degrees = view["yfov"].as_f64()?.to_degrees();
+    (0.01..179.0).contains(&degrees).then_some(CameraDesc {
+        fov_deg: degrees as f32,
+        ..CameraDesc::default()
+    })
 }
 
 /// Returns the transform of a node relative to its parent.

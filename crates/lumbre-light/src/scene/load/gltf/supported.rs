@@ -69,8 +69,8 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`cameras`",
-        support: "the first `perspective` camera: position, orientation and `yfov`",
-        limits: "further cameras and orthographic ones are noted",
+        support: "the first camera: position, orientation, and `yfov` or `ymag`",
+        limits: "further cameras are noted, and an `xmag` that does not fit the picture",
     },
     SupportedElement {
         name: "`KHR_lights_punctual`",

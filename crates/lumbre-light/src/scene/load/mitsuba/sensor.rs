@@ -1,10 +1,11 @@
-//! Cameras of Mitsuba scenes: `perspective` and `thinlens`, with the size of their film.
+//! Cameras of Mitsuba scenes: `perspective`, `thinlens` and `orthographic`, with the size of their
+//! film.
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 
 use super::DEFAULT_FILM;
 use super::tree::XmlObject;
-use crate::scene::desc::{CameraDesc, EntityDesc, MAX_SIDE, Optics};
+use crate::scene::desc::{CameraDesc, CameraKind, EntityDesc, MAX_SIDE, VIEW_HEIGHT_RANGE};
 use crate::scene::load::default_scene;
 use crate::scene::{Note, SceneError};
 
@@ -23,12 +24,14 @@ pub(super) fn read(
     entities: &[EntityDesc],
     notes: &mut Vec<Note>,
 ) -> Result<(CameraDesc, [u32; 2]), SceneError> {
-    let thin = match o.plugin.as_str() {
-        "perspective" => false,
-        "thinlens" => true,
+    let (kind, thin) = match o.plugin.as_str() {
+        "perspective" => (CameraKind::Perspective, false),
+        "thinlens" => (CameraKind::Perspective, true),
+        "orthographic" => (CameraKind::Orthographic, false),
         other => {
             return Err(o.error(format!(
-                "the sensor `{}` is not supported; expected `perspective` or `thinlens`",
+                "the sensor `{}` is not supported; expected `perspective`, `thinlens` or \
+                 `orthographic`",
                 super::values::truncated(other)
             )));
         }
@@ -49,14 +52,17 @@ pub(super) fn read(
         return Err(o.error("`to_world` is not invertible"));
     };
     let mut camera = CameraDesc {
+        kind,
         position: position.as_vec3(),
         target: (position + forward).as_vec3(),
         up: up.as_vec3(),
-        fov_deg: fov(o, resolution)?,
-        aperture: 0.0,
-        focus_distance: None,
-        optics: Optics::default(),
+        ..CameraDesc::default()
     };
+    if kind == CameraKind::Orthographic {
+        camera.view_height = view_height(o, &map, resolution, notes)?;
+    } else {
+        camera.fov_deg = fov(o, resolution)?;
+    }
     if camera.position == camera.target {
         return Err(o.error("the position is too far from the origin for a view direction"));
     }
@@ -95,6 +101,32 @@ fn note_clipping(
         )));
     }
     Ok(())
+}
+
+/// Returns the height of the picture of an orthographic camera in scene units. Its width is that of
+/// the interval from -1 to 1 of the camera's own x axis.
+fn view_height(
+    o: &XmlObject,
+    map: &DAffine3,
+    [width, height]: [u32; 2],
+    notes: &mut Vec<Note>,
+) -> Result<f32, SceneError> {
+    let [x, y] = [DVec3::X, DVec3::Y].map(|axis| map.transform_vector3(axis).length());
+    if (x / y - 1.0).abs() > 2e-3 {
+        notes.push(o.note(
+            "`to_world` scales x and y by different factors; pixels that are not square are not \
+             supported; the height is kept",
+        ));
+    }
+    let extent = 2.0 * y * f64::from(height) / f64::from(width);
+    let [least, most] = VIEW_HEIGHT_RANGE;
+    if !(least..=most).contains(&extent) {
+        return Err(o.error(format!(
+            "the height of the picture must be between {least:e} and {most:e} units, found \
+             {extent:e}"
+        )));
+    }
+    Ok(extent as f32)
 }
 
 /// Reads the aperture and the focus distance of a thin lens.

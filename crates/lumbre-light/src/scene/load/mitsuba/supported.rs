@@ -28,6 +28,11 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
         limits: "mirrored cameras and further sensors are noted",
     },
     SupportedElement {
+        name: "`orthographic`",
+        support: "`to_world`, of which the scale gives the extent; the size of the `film`",
+        limits: "pixels that are not square are noted",
+    },
+    SupportedElement {
         name: "`obj`, `ply`, `serialized`",
         support: "meshes; `shape_index`, `face_normals`, `flip_normals`, `flip_tex_coords`. Texture coordinates \
                   start at the top left, those of OBJ files at the bottom left",

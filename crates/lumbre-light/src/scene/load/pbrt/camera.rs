@@ -5,7 +5,7 @@ use glam::{DAffine3, DVec3};
 use super::Version;
 use super::params::Params;
 use super::token::truncated;
-use crate::scene::desc::{CameraDesc, MAX_SIDE, Optics};
+use crate::scene::desc::{CameraDesc, CameraKind, MAX_SIDE, VIEW_HEIGHT_RANGE};
 use crate::scene::{Note, SceneError};
 
 /// Width and height of a film without any.
@@ -81,8 +81,9 @@ pub(super) fn exposure(
     Ok(factor as f32)
 }
 
-/// Returns half of the height of the image at distance 1 over the tangent of half the field of
-/// view: the smaller side of the image has the field of view.
+/// Returns half of the height of the screen window: of a perspective camera, half the height of the
+/// image at distance 1 over the tangent of half the field of view, since the smaller side of the
+/// image has the field of view; of an orthographic one, half the height in units of camera space.
 fn half_height(
     params: &Params,
     [width, height]: [u32; 2],
@@ -143,46 +144,120 @@ pub(super) fn read(
             params.note("a transform of the camera that stretches is not supported; ignored"),
         );
     }
-    let supported = class == "perspective";
-    if !supported {
-        notes.push(params.note(format!(
-            "the camera `{}` is not supported; a perspective one at its place, of 90 degrees, is \
-            used",
-            truncated(class)
-        )));
-    }
-    let fov = if supported {
-        params.number("fov", 90.0)?
-    } else {
-        90.0
+    let position = to_world.translation;
+    let towards = |direction: DVec3| CameraDesc {
+        position: position.as_vec3(),
+        target: (position + direction).as_vec3(),
+        up: up.as_vec3(),
+        ..CameraDesc::default()
     };
+    let camera = match class {
+        "perspective" => perspective(params, scale, resolution, towards(forward), notes)?,
+        "orthographic" => orthographic(params, scale, resolution, towards(forward), notes)?,
+        // The left edge of the picture is on the right of the camera, and forward is a quarter of
+        // the width further: the middle is on the left.
+        "spherical" => {
+            note_mapping(params, notes)?;
+            spherical(towards(-right))
+        }
+        "environment" => spherical(towards(-right)),
+        other => {
+            notes.push(params.note(format!(
+                "the camera `{}` is not supported; a perspective one at its place, of 90 degrees, \
+                 is used",
+                truncated(other)
+            )));
+            CameraDesc {
+                fov_deg: 90.0,
+                ..towards(forward)
+            }
+        }
+    };
+    if camera.position == camera.target {
+        return Err(params.error("the position is too far from the origin for a view direction"));
+    }
+    if CLASSES.contains(&class) {
+        params.note_unread(notes);
+    }
+    Ok(camera)
+}
+
+/// Classes of cameras that are read.
+const CLASSES: [&str; 4] = ["perspective", "orthographic", "spherical", "environment"];
+
+/// Completes a perspective camera by its field of view and its lens.
+fn perspective(
+    params: &Params,
+    scale: f64,
+    resolution: [u32; 2],
+    camera: CameraDesc,
+    notes: &mut Vec<Note>,
+) -> Result<CameraDesc, SceneError> {
+    let fov = params.number("fov", 90.0)?;
     if !(fov > 0.0 && fov < 179.9) {
         return Err(params.error(format!(
             "`fov` must be between 0 and 180 degrees, found {fov}"
         )));
     }
-    let up_extent = if supported {
-        half_height(params, resolution, notes)?
-    } else {
-        1.0
-    };
-    let half = (0.5 * fov.to_radians()).tan() * up_extent;
+    let half = (0.5 * fov.to_radians()).tan() * half_height(params, resolution, notes)?;
     let (radius, focus) = lens(params, scale)?;
-    let position = to_world.translation;
-    let camera = CameraDesc {
-        position: position.as_vec3(),
-        target: (position + forward).as_vec3(),
-        up: up.as_vec3(),
+    Ok(CameraDesc {
         fov_deg: (2.0 * half.atan()).to_degrees() as f32,
         aperture: (2.0 * radius) as f32,
         focus_distance: (radius > 0.0).then_some(focus.min(1e12) as f32),
-        optics: Optics::default(),
-    };
-    if camera.position == camera.target {
-        return Err(params.error("the position is too far from the origin for a view direction"));
+        ..camera
+    })
+}
+
+/// Completes an orthographic camera by the height of its screen window.
+fn orthographic(
+    params: &Params,
+    scale: f64,
+    resolution: [u32; 2],
+    camera: CameraDesc,
+    notes: &mut Vec<Note>,
+) -> Result<CameraDesc, SceneError> {
+    let (radius, _) = lens(params, scale)?;
+    if radius > 0.0 {
+        notes.push(params.note("the lens of an orthographic camera is not supported; ignored"));
     }
-    if supported {
-        params.note_unread(notes);
+    let height = 2.0 * half_height(params, resolution, notes)? * scale;
+    let [least, most] = VIEW_HEIGHT_RANGE;
+    if !(least..=most).contains(&height) {
+        return Err(params.error(format!(
+            "the height of the screen must be between {least:e} and {most:e} units, found {height:e}"
+        )));
     }
-    Ok(camera)
+    Ok(CameraDesc {
+        kind: CameraKind::Orthographic,
+        view_height: height as f32,
+        ..camera
+    })
+}
+
+/// Makes a camera spherical: its picture has longitude and latitude.
+fn spherical(camera: CameraDesc) -> CameraDesc {
+    CameraDesc {
+        kind: CameraKind::Spherical,
+        ..camera
+    }
+}
+
+/// Notes a spherical camera whose picture does not have longitude and latitude.
+fn note_mapping(params: &Params, notes: &mut Vec<Note>) -> Result<(), SceneError> {
+    match params.text("mapping")?.unwrap_or("equalarea") {
+        "equirectangular" => {}
+        mapping => notes.push(params.note(format!(
+            "the mapping `{}` is not supported; longitude and latitude (`equirectangular`) are \
+             used",
+            truncated(mapping)
+        ))),
+    }
+    Ok(())
+}
+
+/// Returns whether the picture of a camera of this class shows a mirrored scene if that of a
+/// perspective one does not: the longitudes of spherical ones grow to the left.
+pub(super) fn mirrors(class: &str) -> bool {
+    matches!(class, "spherical" | "environment")
 }

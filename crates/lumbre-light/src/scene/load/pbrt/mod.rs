@@ -203,7 +203,10 @@ impl Loader {
     fn begin_world(&mut self) -> Result<(), SceneError> {
         let mirrored = match &self.camera {
             None => true,
-            Some(camera) => camera.to_world.matrix3.determinant() > 0.0,
+            Some(source) => {
+                let left_handed = source.to_world.matrix3.determinant() > 0.0;
+                left_handed != camera::mirrors(&source.class)
+            }
         };
         if mirrored {
             let mirror = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0));

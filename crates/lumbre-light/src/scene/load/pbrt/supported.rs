@@ -47,6 +47,16 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
         limits: "windows off the centre and pixels that are not square are noted",
     },
     SupportedElement {
+        name: "`orthographic`",
+        support: "`screenwindow`, `frameaspectratio`",
+        limits: "lenses, windows off the centre and pixels that are not square are noted",
+    },
+    SupportedElement {
+        name: "`spherical`, in version 3 `environment`",
+        support: "`mapping` with the value `equirectangular`",
+        limits: "the mapping `equalarea` is noted and replaced",
+    },
+    SupportedElement {
         name: "other cameras",
         support: "",
         limits: "replaced by a perspective one at the same place, with a note",

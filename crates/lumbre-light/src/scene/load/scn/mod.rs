@@ -269,6 +269,7 @@ fn camera(
         aperture,
         focus_distance,
         optics,
+        ..CameraDesc::default()
     };
     if camera.lacks_focal_length() {
         return Err(diagnostics.error(

@@ -156,13 +156,14 @@ pub struct Subpath<R: Real> {
 }
 
 impl<R: Real> Subpath<R> {
-    /// Returns the edge.
+    /// Returns the edge; `parallel` is whether it is a parallel ray of the camera.
     #[inline(always)]
-    pub fn edge(&self) -> MisEdge<R> {
+    pub fn edge(&self, parallel: bool) -> MisEdge<R> {
         MisEdge {
             from: [self.path.state.last, self.mis.n_last],
             pdf_w: self.path.state.last_pdf_w,
             partials: self.partials,
+            parallel,
         }
     }
 

@@ -260,8 +260,10 @@ impl<R: Real> Subpath<R> {
     where
         R: Lanes<N>,
     {
-        let (h, edge) = (context.settings.heuristic(), self.edge());
-        if step.mode == TransportMode::Radiance || step.edge > 1 {
+        let from_camera = step.mode == TransportMode::Radiance;
+        let parallel = from_camera && step.edge == 1 && context.camera.is_parallel();
+        let (h, edge) = (context.settings.heuristic(), self.edge(parallel));
+        if from_camera || step.edge > 1 {
             return edge.endpoint(h, at);
         }
         let indices = R::store_words(self.mis.light);
@@ -373,7 +375,8 @@ impl<R: Real> Subpath<R> {
         let indices = R::store_words(surface.emitter);
         let lights = context.lights.with_indices::<R, N>(indices, lanes);
         let at = [surface.position, surface.n_geometric];
-        let end = LightEnd::new(&lights, at, -dir, self.edge().from);
+        let from = [self.path.state.last, self.mis.n_last];
+        let end = LightEnd::new(&lights, at, -dir, from);
         let h = context.settings.heuristic();
         Some(Connection {
             lanes,
@@ -409,10 +412,11 @@ impl<R: Real> Subpath<R> {
         if !context.settings.includes(0, edge + 1) {
             return None;
         }
-        let (dir, from) = (self.path.state.dir, self.edge().from);
+        let last = self.edge(edge == 1 && context.camera.is_parallel());
+        let (dir, from) = (self.path.state.dir, last.from);
         let radiance = context.lights.environment::<R::Vec3, N>(dir);
         let h = context.settings.heuristic();
-        let (exist, partials) = self.edge().partials_at(h, R::splat(1.0));
+        let (exist, partials) = last.distant_partials(h);
         let lanes = lanes & exist & !radiance.same(R::Vec3::broadcast(Vec3::ZERO));
         if !lanes.any() {
             return None;

@@ -132,6 +132,9 @@ pub struct MisEdge<R: Real = f32> {
     pub pdf_w: R,
     /// Partial sums of MIS terms.
     pub partials: EdgePartials<R::Double>,
+    /// Whether the edges are [parallel](crate::transport::camera::Camera::is_parallel) rays of the
+    /// camera. `pdf_w` is then per area perpendicular to them.
+    pub parallel: bool,
 }
 
 impl<R: Real> MisEdge<R> {
@@ -162,6 +165,7 @@ impl<R: Real> MisEdge<R> {
                 d_vcm: R::Double::select(some, count, zero),
                 d_vc: zero,
             },
+            parallel: context.camera.is_parallel(),
         }
     }
 
@@ -169,15 +173,33 @@ impl<R: Real> MisEdge<R> {
     /// unit normal. The mask is unset where rounding leaves a point without a density.
     #[inline(always)]
     pub fn endpoint(&self, h: Heuristic, to: [R::Vec3; 2]) -> (R::Mask, MisEndpoint<R>) {
-        let [spread, back] = vertex::area_factors(self.from, to);
+        let [mut spread, back] = vertex::area_factors(self.from, to);
+        if self.parallel {
+            spread = spread * (to[0] - self.from[0]).length_squared();
+        }
         let (some, partials) = self.partials_at(h, spread);
         (some, MisEndpoint { partials, back })
+    }
+
+    /// Returns the MIS partials of infinitely distant ends. Of parallel rays they are zero: light
+    /// paths have no density in their one direction, so no other strategy finds these ends.
+    #[inline(always)]
+    pub fn distant_partials(&self, h: Heuristic) -> (R::Mask, MisPartials<R::Double>) {
+        if self.parallel {
+            let zero = R::Double::splat(0.0);
+            let none = MisPartials {
+                d_vcm: zero,
+                d_vc: zero,
+            };
+            return (R::Mask::splat(true), none);
+        }
+        self.partials_at(h, R::splat(1.0))
     }
 
     /// Returns the MIS partials at the ends of the edges; `spread` converts their density to that
     /// of the end points.
     #[inline(always)]
-    pub fn partials_at(&self, h: Heuristic, spread: R) -> (R::Mask, MisPartials<R::Double>) {
+    fn partials_at(&self, h: Heuristic, spread: R) -> (R::Mask, MisPartials<R::Double>) {
         MisPartials::new(h, self.partials, self.pdf_w.double() * spread.double())
     }
 }

@@ -268,7 +268,38 @@ impl Path {
                 Some(eta) => f64::from(wi.dot(v.n_geometric).abs() * eta * eta),
             }
         };
-        per_solid_angle * self.spread(i + 1, i)
+        let spread = if i + 1 == self.depth() {
+            self.lens_spread(context)
+        } else {
+            self.spread(i + 1, i)
+        };
+        per_solid_angle * spread
+    }
+
+    /// Returns whether the camera generates `x_0` with certainty, as the one direction of its
+    /// parallel rays: then no light path has a density there.
+    pub fn direction_is_certain(&self, context: &Context) -> bool {
+        context.camera.is_parallel() && self.depth() == 1 && self.outside()
+    }
+
+    /// Returns the distance between the lens and the vertex that it sees.
+    pub fn lens_distance(&self) -> f64 {
+        let k = self.depth();
+        (self.position(k) - self.position(k - 1)).length()
+    }
+
+    /// Returns the factor from the density of the camera, which for parallel rays is per area
+    /// perpendicular to them, to that of `x_(k-1)` in its own measure.
+    fn lens_spread(&self, context: &Context) -> f64 {
+        let k = self.depth();
+        if !context.camera.is_parallel() || self.direction_is_certain(context) {
+            return self.spread(k, k - 1);
+        }
+        let n = match self.surfaces.last() {
+            Some(v) => v.n_geometric,
+            None => self.light.normal,
+        };
+        self.dirs[k - 1].as_dvec3().dot(n.as_dvec3()).abs()
     }
 
     /// Returns the densities of the path under all strategies, times their numbers of samples. That
@@ -285,6 +316,7 @@ impl Path {
         let possible = |s: usize| match s {
             0 => !self.light_is_dirac(),
             s if s == k && context.camera.pdf_w(-self.dirs[k - 1]) <= 0.0 => false,
+            s if s == k && self.direction_is_certain(context) => false,
             1 if k == 1 => !self.light_is_dirac(),
             s => !self.is_dirac(s - 1) && !self.is_dirac(s),
         };
@@ -350,6 +382,7 @@ impl Path {
                 * cos
                 * self.spread(i + 1, i);
         }
-        Some(value * f64::from(context.camera.pdf_w(-self.dirs[k - 1])) * self.spread(k, k - 1))
+        let importance = f64::from(context.camera.pdf_w(-self.dirs[k - 1]));
+        Some(value * importance * self.lens_spread(context))
     }
 }

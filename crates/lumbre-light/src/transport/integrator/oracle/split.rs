@@ -60,6 +60,7 @@ impl Vertex {
             from: [self.position, self.n_geometric],
             pdf_w,
             partials,
+            parallel: false,
         }
     }
 
@@ -119,8 +120,10 @@ fn others(context: &Context, rule: &Rule, path: &Path, s: usize) -> Option<f64> 
     if s >= 1 && (path.is_dirac(s - 1) || path.is_dirac(s)) {
         return None;
     }
-    let seen_pdf_w = context.camera.pdf_w(-path.dirs[k - 1]);
-    if s == k && seen_pdf_w <= 0.0 || path.light_is_dirac() && (s == 0 || k == 1) {
+    let distance = path.lens_distance() as f32;
+    let seen_pdf_w = context.camera.pdf_w_at(-path.dirs[k - 1], distance);
+    let unseen = seen_pdf_w <= 0.0 || path.direction_is_certain(context);
+    if s == k && unseen || path.light_is_dirac() && (s == 0 || k == 1) {
         return None;
     }
     let end = |next: [Vec3; 2]| light_end(context, path, next);
@@ -129,7 +132,7 @@ fn others(context: &Context, rule: &Rule, path: &Path, s: usize) -> Option<f64> 
     Some(match (s, light, camera) {
         (0, _, _) => {
             let partials = match path.light.light() {
-                LightId::Environment => existing(edge.partials_at(h, 1.0))?,
+                LightId::Environment => existing(edge.distant_partials(h))?,
                 _ => {
                     let at = [path.light.position, path.light.normal];
                     existing(edge.endpoint(h, at))?.partials

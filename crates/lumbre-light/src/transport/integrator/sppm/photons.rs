@@ -138,9 +138,11 @@ fn automatic_radius(context: &Context) -> f32 {
             at(j, rows, camera.resolution[1]),
         ];
         let [origin, dir]: [Vec3; 2] = camera.ray([x, y], [0.5; 2], [0.5; 2]);
-        let [_, beside]: [Vec3; 2] = camera.ray([x + 1.0, y], [0.5; 2], [0.5; 2]);
+        let [start, beside]: [Vec3; 2] = camera.ray([x + 1.0, y], [0.5; 2], [0.5; 2]);
         if let Some(hit) = context.trace.closest(&Ray { origin, dir }, f32::INFINITY) {
-            widths.push(f64::from(hit.t * (beside - dir).length()));
+            // Of two neighbouring rays, either the origins or the directions differ.
+            let width = (start - origin).length() + hit.t * (beside - dir).length();
+            widths.push(f64::from(width));
         }
     }
     let radius = if widths.is_empty() {

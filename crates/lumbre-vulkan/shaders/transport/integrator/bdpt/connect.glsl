@@ -172,7 +172,7 @@ bool connect(
             return true;
         }
         MisPartials partials;
-        if (!edge_partials_at(paths.escape.edge, h, 1.0, partials)) {
+        if (!edge_distant_partials(paths.escape.edge, h, partials)) {
             return false;
         }
         c.unweighted = paths.escape.throughput * aim.radiance;

@@ -117,6 +117,22 @@ bool edge_partials_at(Edge e, uint h, float spread, out MisPartials partials) {
     return mis_partials_new(h, e.partials, e.pdf_w * spread, partials);
 }
 
+// Returns whether an edge is a parallel ray of the camera. Its density is then per area
+// perpendicular to it.
+bool edge_is_parallel(Edge e) {
+    return e.origin == ORIGIN_LENS && camera_is_parallel();
+}
+
+// Computes the MIS partials at the infinitely distant end of an edge: zero for parallel rays, whose
+// ends no other strategy finds.
+bool edge_distant_partials(Edge e, uint h, out MisPartials partials) {
+    if (edge_is_parallel(e)) {
+        partials = MisPartials(0.0, 0.0);
+        return true;
+    }
+    return edge_partials_at(e, h, 1.0, partials);
+}
+
 // Computes the MIS partials of the surface point that an edge hits, and `back` there; false if
 // rounding leaves the point without a density.
 bool edge_partials_at_surface(
@@ -134,7 +150,8 @@ bool edge_partials_at_surface(
     float distance2 = length_squared(edge);
     float scale = 1.0 / (distance2 * sqrt(distance2));
     back = abs(dot(edge, e.normal)) * scale;
-    return edge_partials_at(e, h, abs(dot(edge, n) * scale), partials);
+    float spread = abs(dot(edge, n) * scale);
+    return edge_partials_at(e, h, edge_is_parallel(e) ? spread * distance2 : spread, partials);
 }
 
 // Builds the vertex at the surface that an edge hits; false if rounding leaves it without a
