@@ -243,6 +243,7 @@ fn contents_json(
         "camera": {
             "position": camera.position.to_array(), "target": camera.target.to_array(),
             "fov": camera.fov_deg, "kind": camera.kind.name(), "view_height": camera.view_height,
+            "window": camera.window.to_array(),
         },
         "views": views, "options": options, "objects": objects, "materials": materials,
         "lights": lights, "emitters": compiled.emitters.len(),

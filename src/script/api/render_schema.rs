@@ -3,6 +3,7 @@
 use crate::backends::BACKENDS;
 use lumbre_light::film::layer::LAYER_NAMES;
 use lumbre_light::scene::desc::{CAMERA_KIND_NAMES, MAX_SIDE, VIEW_HEIGHT_RANGE};
+use lumbre_light::scene::edit::WINDOW;
 use lumbre_light::transport::camera::FILTER_NAMES;
 use lumbre_light::transport::integrator::INTEGRATORS;
 use lumbre_light::transport::integrator::external::EXTERNALS;
@@ -189,6 +190,14 @@ pub const CAMERA: Table = Table {
             required: false,
             default: "",
             doc: "height of the picture of an orthographic camera in scene units",
+        },
+        Field {
+            key: "window",
+            ty: WINDOW,
+            required: false,
+            default: "",
+            doc: "part of the view that the picture shows: left, right, upper and lower edge, in \
+                  fractions of the whole from its upper left corner",
         },
     ],
 };

@@ -12,7 +12,9 @@ use crate::script::api::{ApiFn, Args, Param, method_object};
 use crate::script::error::{Problem, ScriptError};
 use crate::script::state::{Purpose, Shared};
 use crate::script::strict::{self, Fields};
-use lumbre_light::scene::desc::{CameraDesc, CameraKind, EntityDesc, Optics, ShapeDesc};
+use lumbre_light::scene::desc::{
+    CameraDesc, CameraKind, EntityDesc, Optics, ShapeDesc, ViewWindow,
+};
 use lumbre_light::value::Value;
 
 /// Constructor of scenes.
@@ -279,6 +281,10 @@ fn read_camera(shared: &Shared, args: &Args, index: usize) -> Result<CameraDesc,
         up: point("up", Vec3::Y),
         fov_deg: number("fov").unwrap_or(defaults.fov_deg),
         view_height: number("view_height").unwrap_or(defaults.view_height),
+        window: fields
+            .values
+            .get("window")
+            .map_or(defaults.window, |v| ViewWindow::from_array(numbers::<4>(v))),
         aperture: number("aperture").unwrap_or(0.0),
         focus_distance: number("focus_distance"),
         optics: Optics {
@@ -318,6 +324,9 @@ fn read_camera(shared: &Shared, args: &Args, index: usize) -> Result<CameraDesc,
     }
     if let Some([problem, help]) = camera.lens_problem() {
         return Err(args.error(shared, problem, Some(help)));
+    }
+    if let Some(problem) = camera.window_problem() {
+        return Err(args.error(shared, problem, None));
     }
     Ok(camera)
 }

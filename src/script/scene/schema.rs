@@ -3,6 +3,7 @@
 use crate::script::api::render_schema::EDGES;
 use lumbre_light::scene::desc::light::CUTOFF_RANGE;
 use lumbre_light::scene::desc::{CAMERA_KIND_NAMES, MAX_SIDE, VIEW_HEIGHT_RANGE};
+use lumbre_light::scene::edit::WINDOW;
 use lumbre_light::value::schema::{Field, Table, Ty};
 
 /// Point or direction in scene coordinates.
@@ -73,6 +74,14 @@ pub const CAMERA: Table = Table {
             },
             "2",
             "height of the picture of an orthographic camera in scene units",
+        ),
+        Field::optional(
+            "window",
+            WINDOW,
+            "{ 0, 1, 0, 1 }",
+            "part of the view that the picture shows: left, right, upper and lower edge, in \
+             fractions of the whole from its upper left corner; a left edge beyond the right one \
+             mirrors the picture",
         ),
         Field::optional(
             "up",

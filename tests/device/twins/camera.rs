@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::scene::desc::{CameraDesc, CameraKind};
+use lumbre_light::scene::desc::{CameraDesc, CameraKind, ViewWindow};
 use lumbre_light::transport::camera::filter::FilmEdge;
 use lumbre_light::transport::camera::{Camera, CameraConnection, FilterKind, FilterSpec};
 use lumbre_render::Job;
@@ -89,6 +89,10 @@ fn orthographic() -> (Arc<CompiledScene>, Job) {
     seen_by(|camera| (camera.kind, camera.view_height) = (CameraKind::Orthographic, 2.5))
 }
 
+fn off_axis() -> (Arc<CompiledScene>, Job) {
+    seen_by(|camera| camera.window = ViewWindow::from_array([0.9, -0.4, 0.25, 1.1]))
+}
+
 fn spherical() -> (Arc<CompiledScene>, Job) {
     seen_by(|camera| camera.kind = CameraKind::Spherical)
 }
@@ -138,6 +142,12 @@ const NEAR: [Near; 31] = {
 /// Rays of an orthographic camera, and points connected to it.
 pub const ORTHOGRAPHIC: Twin = Twin {
     scene: orthographic,
+    ..CAMERA
+};
+
+/// Rays of a camera that shows a mirrored part of its view, and points connected to it.
+pub const OFF_AXIS: Twin = Twin {
+    scene: off_axis,
     ..CAMERA
 };
 

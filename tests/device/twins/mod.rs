@@ -115,6 +115,7 @@ pub const TWINS: &[&Twin] = &[
     &light::LIGHT_PLAIN,
     &camera::FILTER,
     &camera::CAMERA,
+    &camera::OFF_AXIS,
     &camera::ORTHOGRAPHIC,
     &camera::SPHERICAL,
     &time::DELAYS,

@@ -340,6 +340,7 @@ fn other_value(path: &str) -> Value {
         "max_depth" => Value::Int(17),
         "material" => "lamp".into(),
         "kind" => "orthographic".into(),
+        "window" => nums(&[0.25, 0.75, 0.5, 1.0]),
         "fov" | "aperture" | "f_number" | "focal_length" | "sensor_height" | "focus_distance"
         | "radius" | "view_height" => Value::Num(0.375),
         _ => nums(&[0.25, 0.75, 0.125]),
@@ -353,7 +354,7 @@ fn every_path_can_be_set_and_gives_a_distinct_hash() {
     let all = paths(&scene());
     assert_eq!(
         all.len(),
-        13 + 4 * (MATERIAL_PARAMS.len() + TextureSlot::ALL.len()) + 5 + 4
+        14 + 4 * (MATERIAL_PARAMS.len() + TextureSlot::ALL.len()) + 5 + 4
     );
     for path in all {
         let mut s = scene();

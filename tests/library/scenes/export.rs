@@ -50,9 +50,12 @@ fn round_trip(desc: &SceneDesc) -> (SceneDesc, String) {
     )
 }
 
+/// Width and height of compared pictures.
+pub(super) const PICTURE: [u32; 2] = [48, 32];
+
 /// Renders a small picture by `nee`.
 pub(super) fn picture(desc: &SceneDesc) -> Image {
-    render_nee(desc, [48, 32], 5, 4)
+    render_nee(desc, PICTURE, 5, 4)
 }
 
 /// Renders a picture by `nee`.

@@ -19,7 +19,7 @@ pub use lights::{ENVIRONMENT_PARAMS, EnvironmentParam, LIGHT_PARAMS, LightParam}
 use super::desc::material_params::MaterialParam;
 use super::desc::{
     CAMERA_KIND_NAMES, CameraKind, EntityDesc, MATERIAL_PARAMS, MAX_COORDINATE, MAX_EDGES,
-    MAX_SIDE, SceneDesc, ShapeDesc, TextureSlot, VIEW_HEIGHT_RANGE,
+    MAX_SIDE, MAX_WINDOW_EDGE, SceneDesc, ShapeDesc, TextureSlot, VIEW_HEIGHT_RANGE, ViewWindow,
 };
 use super::load;
 use crate::value::Value;
@@ -29,6 +29,13 @@ use crate::value::schema::{SchemaError, Ty, unknown_key, unknown_name};
 pub const ALL_MATERIALS: &str = "*";
 
 const COORDINATE: f64 = MAX_COORDINATE as f64;
+
+/// Type of the edges of a camera's window.
+pub const WINDOW: Ty = Ty::Nums {
+    len: 4,
+    min: -MAX_WINDOW_EDGE,
+    max: MAX_WINDOW_EDGE,
+};
 const POINT: Ty = Ty::Nums {
     len: 3,
     min: -COORDINATE,
@@ -71,6 +78,16 @@ pub const SCENE_PARAMS: &[SceneParam] = &[
         doc: "Height of the picture of an orthographic camera in scene units; has no effect on \
               other kinds.",
         set_checked: |s, v| s.camera.view_height = scalar(v),
+    },
+    SceneParam {
+        path: "camera.window",
+        ty: WINDOW,
+        doc: "Part of the view that the picture shows: left, right, upper and lower edge, in \
+              fractions of the whole from its upper left corner. A left edge beyond the right one \
+              mirrors the picture.",
+        set_checked: |s, v| {
+            s.camera.window = ViewWindow::from_array(std::array::from_fn(|i| item(v, i) as f32));
+        },
     },
     SceneParam {
         path: "camera.fov",
@@ -357,6 +374,9 @@ pub fn apply(desc: &mut SceneDesc, changes: &BTreeMap<String, Value>) -> Result<
     }
     if let Some([problem, help]) = desc.camera.lens_problem() {
         return fail("kind", &problem, &help);
+    }
+    if let Some(problem) = desc.camera.window_problem() {
+        return fail("window", &problem, "the whole view is `{ 0, 1, 0, 1 }`");
     }
     if changed("f_number") && desc.camera.lacks_focal_length() {
         return fail(

@@ -244,6 +244,7 @@ struct JobParams {
     vec3 camera_up; // Unit vector to the picture's top.
     vec3 camera_forward; // Unit vector along the optical axis.
     vec2 camera_half; // Half extent of the picture, horizontally and vertically: at distance 1; of an orthographic camera in scene units; of a spherical one in radians.
+    vec2 camera_center; // Vector from the axis to the middle of the picture, in the unit of `camera_half`.
     uint camera_kind; // CAMERA_PERSPECTIVE and so on.
     uvec2 resolution; // Width and height in pixels.
     float lens_radius; // Radius of the lens; 0 is a pinhole.

@@ -40,6 +40,8 @@ super::gpu_structs! {
         /// Half extent of the picture, horizontally and vertically: at distance 1; of an
         /// orthographic camera in scene units; of a spherical one in radians.
         camera_half: [f32; 2],
+        /// Vector from the axis to the middle of the picture, in the unit of `camera_half`.
+        camera_center: [f32; 2],
         /// CAMERA_PERSPECTIVE and so on.
         camera_kind: u32,
         /// Width and height in pixels.

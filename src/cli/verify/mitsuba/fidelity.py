@@ -31,6 +31,7 @@ def small_view(scene, view):
     original = scene.sensors()[0]
     params = mi.traverse(original)
     width, height = view["size"]
+    right, down = view["offset"]
     sensor = {
         "type": "thinlens" if "aperture_radius" in params else "perspective",
         "to_world": original.world_transform(),
@@ -40,12 +41,17 @@ def small_view(scene, view):
     }
     if "x_fov" in params:
         sensor["fov"], sensor["fov_axis"] = view["fov_y"], "y"
+        if "aperture_radius" not in params:
+            sensor["principal_point_offset_x"], sensor["principal_point_offset_y"] = right, down
     else:
-        # The scale is the extent of the width; the height is kept.
+        # The scale is half the width of the picture, where the whole width is 2 and x is to the left.
         before = original.film().size()
-        scale = width * before[1] / (height * before[0])
+        half = view["shown"] * before[1] / before[0]
+        scale = half * width / height
+        middle = [-2 * right * scale, -2 * down * half, 0]
         sensor["type"] = "orthographic"
-        sensor["to_world"] = original.world_transform() @ mi.ScalarTransform4f().scale([scale, scale, 1])
+        moved = mi.ScalarTransform4f().translate(middle).scale([scale, scale, 1])
+        sensor["to_world"] = original.world_transform() @ moved
     if "aperture_radius" in params:
         sensor["aperture_radius"] = params["aperture_radius"]
         sensor["focus_distance"] = params["focus_distance"]

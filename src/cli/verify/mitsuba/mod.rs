@@ -109,7 +109,9 @@ impl Workplace {
         };
         let own_view = matches!(case.subject, Subject::File(_)).then(|| SmallView {
             size: desc.resolution,
-            fov_y: desc.camera.view_deg(),
+            fov_y: desc.camera.picture_deg(),
+            shown: desc.camera.window.size()[1],
+            offset: desc.camera.window.offset(),
             max_depth: desc.max_depth,
         });
         let (scene, _) = compile(&desc).map_err(|e| e.to_string())?;

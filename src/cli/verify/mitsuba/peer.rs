@@ -41,6 +41,11 @@ pub struct SmallView {
     pub size: [u32; 2],
     /// Vertical field of view in degrees.
     pub fov_y: f32,
+    /// Height of the picture over that of the whole view.
+    pub shown: f32,
+    /// Vector from the axis to the middle of the picture, in its own width and height, to the right
+    /// and downwards.
+    pub offset: [f32; 2],
     /// Greatest number of path edges.
     pub max_depth: u32,
 }

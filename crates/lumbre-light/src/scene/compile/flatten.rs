@@ -198,6 +198,9 @@ fn checked_camera(camera: &CameraDesc, notes: &mut Vec<Note>) -> Result<CameraDe
     if let Some([problem, help]) = camera.lens_problem() {
         return fail("kind", &format!("{problem}; {help}"));
     }
+    if let Some(problem) = camera.window_problem() {
+        return fail("window", &problem);
+    }
     let Some(view) = (camera.target - camera.position).try_normalize() else {
         return fail(
             "target",

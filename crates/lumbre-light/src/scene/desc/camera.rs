@@ -3,6 +3,8 @@
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
+use super::view_window::ViewWindow;
+
 /// Map from directions or positions to the picture of a camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum CameraKind {
@@ -69,6 +71,9 @@ pub struct CameraDesc {
     /// Height of the picture of an orthographic camera in scene units, positive.
     #[serde(default = "default_view_height")]
     pub view_height: f32,
+    /// The part of this view that the picture shows; a spherical camera shows the whole.
+    #[serde(default)]
+    pub window: ViewWindow,
     /// Diameter of the lens in scene units; 0 is a pinhole. `optics` may override it; see
     /// [`CameraDesc::lens_diameter`].
     pub aperture: f32,
@@ -118,6 +123,7 @@ impl Default for CameraDesc {
             up: Vec3::Y,
             fov_deg: 45.0,
             view_height: DEFAULT_VIEW_HEIGHT,
+            window: ViewWindow::WHOLE,
             aperture: 0.0,
             focus_distance: None,
             optics: Optics::default(),
@@ -133,6 +139,17 @@ impl CameraDesc {
             (Some(height), Some(focal)) => (2.0 * (0.5 * height / focal).atan()).to_degrees(),
             _ => self.fov_deg,
         }
+    }
+
+    /// Returns the vertical angle in degrees that the window of a perspective camera shows if it is
+    /// centred on the axis: that of [`CameraDesc::view_deg`] for the whole view.
+    pub fn picture_deg(&self) -> f32 {
+        let [_, shown] = self.window.size();
+        if shown == 1.0 {
+            return self.view_deg();
+        }
+        let half = (0.5 * self.view_deg().to_radians()).tan() * shown;
+        (2.0 * half.atan()).to_degrees()
     }
 
     /// Returns the focal length if it is set or follows from sensor height and field of view.
@@ -151,6 +168,13 @@ impl CameraDesc {
             Some(number) => self.focal_length().map_or(0.0, |focal| focal / number),
             None => self.aperture,
         }
+    }
+
+    /// Returns why no picture can show the window, if so.
+    pub fn window_problem(&self) -> Option<String> {
+        let parts = self.kind == CameraKind::Spherical && self.window != ViewWindow::WHOLE;
+        let whole = parts.then(|| "spherical cameras show their whole view".to_owned());
+        whole.or_else(|| self.window.problem())
     }
 
     /// Returns an error if a lens is set on a camera of a kind that cannot have one, with what to do

@@ -13,6 +13,7 @@ use super::material_params::{MaterialParam, SURFACE};
 use super::{
     CameraDesc, CameraKind, EntityDesc, EnvironmentSampling, EnvironmentSource, LightKind,
     MATERIAL_PARAMS, MaterialDesc, MaterialNames, MeshDesc, SceneDesc, ShapeDesc, Texels,
+    ViewWindow,
 };
 
 /// Version tags of the encodings below. A tag changes with its encoding, so that hashes of
@@ -37,6 +38,12 @@ pub fn content_hash(desc: &SceneDesc) -> [u8; 32] {
         vec3(&mut h, v);
     }
     hash_projection(&mut h, camera);
+    if camera.window != ViewWindow::WHOLE {
+        h.update(b"window");
+        for edge in camera.window.to_array() {
+            float(&mut h, edge);
+        }
+    }
     let names = desc.material_names();
     int(&mut h, desc.materials.len() as u64);
     desc.materials

@@ -13,6 +13,7 @@ pub mod material;
 pub mod material_params;
 mod model;
 mod slot;
+mod view_window;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -34,6 +35,7 @@ pub use material::MaterialDesc;
 pub use material_params::MATERIAL_PARAMS;
 pub use model::{Distribution, FilterChoice, MaskMode, Model, ShadingNormals};
 pub use slot::TextureSlot;
+pub use view_window::{MAX_WINDOW_EDGE, ViewWindow};
 
 /// Name of the material of faces that name none; see [`SceneDesc::with_default_material`].
 pub const DEFAULT_MATERIAL: &str = "default_material";

@@ -307,15 +307,27 @@ impl SceneWriter<'_> {
                 "perspective"
             }
         };
+        if kind == "thinlens" && camera.window.offset() != [0.0; 2] {
+            let text =
+                "a view off the axis through a lens has no counterpart in Mitsuba; it is centred";
+            self.notes.push(scene_note(name, text));
+        }
         let xml = &mut self.xml;
         xml.open("sensor", &[("type", kind), ("id", &id)]);
-        match camera.kind {
-            CameraKind::Orthographic => {}
-            CameraKind::Spherical => xml.value("float", "fov", 90.0),
-            CameraKind::Perspective => xml.value("float", "fov", camera.view_deg()),
-        }
         if !parallel {
+            let fov = match camera.kind {
+                CameraKind::Spherical => 90.0,
+                CameraKind::Perspective | CameraKind::Orthographic => camera.picture_deg(),
+            };
+            xml.value("float", "fov", fov);
             xml.value("string", "fov_axis", "y");
+        }
+        if kind == "perspective" {
+            for (axis, offset) in ["x", "y"].into_iter().zip(camera.window.offset()) {
+                if offset != 0.0 {
+                    xml.value("float", &format!("principal_point_offset_{axis}"), offset);
+                }
+            }
         }
         // Mitsuba clips outside of these distances, and their ratio limits the precision of its
         // rays.
@@ -328,24 +340,8 @@ impl SceneWriter<'_> {
                 .unwrap_or_else(|| camera.position.distance(camera.target));
             xml.value("float", "focus_distance", focus);
         }
-        let triple = |v: Vec3| format!("{}, {}, {}", v.x, v.y, v.z);
-        let (origin, target, up) = (
-            triple(camera.position),
-            triple(camera.target),
-            triple(camera.up),
-        );
-        xml.open("transform", &[("name", "to_world")]);
-        if parallel {
-            // The width of the picture is that of the interval from -1 to 1.
-            let [width, height] = self.desc.resolution.map(|n| n as f32);
-            let half = (0.5 * camera.view_height * width / height).to_string();
-            xml.leaf("scale", &[("x", &half), ("y", &half)]);
-        }
-        xml.leaf(
-            "lookat",
-            &[("origin", &origin), ("target", &target), ("up", &up)],
-        );
-        xml.close();
+        self.camera_transform(camera);
+        let xml = &mut self.xml;
         xml.open("sampler", &[("type", "independent")]);
         xml.value("integer", "sample_count", "$spp");
         xml.close();
@@ -356,6 +352,42 @@ impl SceneWriter<'_> {
         xml.value("string", "component_format", "float32");
         xml.leaf("rfilter", &[("type", "$filter")]);
         xml.close();
+        xml.close();
+    }
+
+    /// Writes the transform of a camera. That of an orthographic one has half the width of the
+    /// picture as its scale, and the middle of the picture as its origin.
+    fn camera_transform(&mut self, camera: &CameraDesc) {
+        let [width, height] = self.desc.resolution.map(|n| n as f32);
+        let parallel = camera.kind == CameraKind::Orthographic;
+        let half_height = 0.5 * camera.view_height * camera.window.size()[1];
+        let half = [half_height * width / height, half_height];
+        let side = if camera.window.mirrors() { -1.0 } else { 1.0 };
+        let mut moved = Vec3::ZERO;
+        if parallel {
+            let right = (camera.target - camera.position).cross(camera.up);
+            let up = right.cross(camera.target - camera.position);
+            let [across, down] = camera.window.offset();
+            moved = right.normalize_or_zero() * (2.0 * across * half[0] * side)
+                - up.normalize_or_zero() * (2.0 * down * half[1]);
+        }
+        let xml = &mut self.xml;
+        xml.open("transform", &[("name", "to_world")]);
+        let scale = if parallel { half[0] } else { 1.0 };
+        if parallel || side < 0.0 {
+            let (x, y) = ((side * scale).to_string(), scale.to_string());
+            xml.leaf("scale", &[("x", &x), ("y", &y)]);
+        }
+        let triple = |v: Vec3| format!("{}, {}, {}", v.x, v.y, v.z);
+        let (origin, target, up) = (
+            triple(camera.position + moved),
+            triple(camera.target + moved),
+            triple(camera.up),
+        );
+        xml.leaf(
+            "lookat",
+            &[("origin", &origin), ("target", &target), ("up", &up)],
+        );
         xml.close();
     }
 

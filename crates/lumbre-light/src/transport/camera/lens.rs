@@ -30,6 +30,9 @@ pub struct Camera {
     /// Half extent of the picture, horizontal and vertical: at distance 1; of an orthographic
     /// camera in scene units; of a spherical one in radians.
     pub half: [f32; 2],
+    /// Vector from the axis to the middle of the picture, to the right and downwards, in the unit of
+    /// `half`.
+    pub center: [f32; 2],
     /// Width and height in pixels.
     pub resolution: [f32; 2],
     /// Radius of the lens in units of the scene; 0 for a pinhole.
@@ -116,16 +119,15 @@ impl Camera {
             .try_normalize()
             .unwrap_or_else(|| forward.any_orthonormal_vector());
         let up = right.cross(forward);
+        let right = if desc.window.mirrors() { -right } else { right };
         let resolution = resolution.map(|n| n as f32);
+        let (shown, offset) = (desc.window.size()[1], desc.window.offset());
+        let with_square_pixels = |half_y: f32| [half_y * resolution[0] / resolution[1], half_y];
         let half = match desc.kind {
             CameraKind::Perspective => {
-                let half_y = (0.5 * desc.view_deg().to_radians()).tan();
-                [half_y * resolution[0] / resolution[1], half_y]
+                with_square_pixels((0.5 * desc.view_deg().to_radians()).tan() * shown)
             }
-            CameraKind::Orthographic => {
-                let half_y = 0.5 * desc.view_height;
-                [half_y * resolution[0] / resolution[1], half_y]
-            }
+            CameraKind::Orthographic => with_square_pixels(0.5 * desc.view_height * shown),
             CameraKind::Spherical => [PI, FRAC_PI_2],
         };
         let lens_diameter = match desc.kind {
@@ -139,6 +141,7 @@ impl Camera {
             up,
             forward,
             half,
+            center: [0, 1].map(|i| 2.0 * offset[i] * half[i]),
             resolution,
             lens_radius: 0.5 * lens_diameter,
             focus_distance: desc.focus_distance.unwrap_or_else(|| axis.length()),
@@ -195,8 +198,9 @@ impl Camera {
         lens_u: [V::Scalar; 2],
     ) -> [V; 2] {
         let [dx, dy] = self.filter.sample(filter_u);
-        let x = film_coordinate(pixel[0], dx, self.resolution[0]) * V::Scalar::splat(self.half[0]);
-        let y = film_coordinate(pixel[1], dy, self.resolution[1]) * V::Scalar::splat(self.half[1]);
+        let [half, center] = [self.half, self.center].map(|xy| xy.map(V::Scalar::splat));
+        let x = film_coordinate(pixel[0], dx, self.resolution[0]) * half[0] + center[0];
+        let y = film_coordinate(pixel[1], dy, self.resolution[1]) * half[1] + center[1];
         match self.kind {
             CameraKind::Perspective => {}
             CameraKind::Orthographic => return self.parallel_ray([x, y]),
@@ -353,15 +357,16 @@ impl Camera {
     }
 
     /// Returns the film position in pixels from the upper left corner, of coordinates from the
-    /// centre in the unit of [`Camera::half`], to the right and downwards.
+    /// axis in the unit of [`Camera::half`], to the right and downwards.
     #[inline(always)]
     pub(super) fn raster<R: Real>(&self, [x, y]: [R; 2]) -> [R; 2] {
         let [half_x, half_y] = self.half.map(R::splat);
+        let [center_x, center_y] = self.center.map(R::splat);
         let [width, height] = self.resolution.map(R::splat);
         let (half, one) = (R::splat(0.5), R::splat(1.0));
         [
-            half * (x / half_x + one) * width,
-            half * (y / half_y + one) * height,
+            half * ((x - center_x) / half_x + one) * width,
+            half * ((y - center_y) / half_y + one) * height,
         ]
     }
 

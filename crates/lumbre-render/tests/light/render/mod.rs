@@ -23,6 +23,7 @@ mod bsdf_symmetry;
 mod builders;
 mod camera;
 mod camera_kinds;
+mod camera_windows;
 mod consistent;
 mod consistent_bias;
 mod consistent_fixtures;

@@ -31,14 +31,14 @@ FilterSpec camera_filter() {
 Ray camera_sample_ray(uvec2 pixel, inout Sampler numbers) {
     vec2 offset = filter_sample(camera_filter(), next_2d(numbers));
     vec2 film = 2.0 * (vec2(pixel) + 0.5 + offset) / vec2(job.resolution) - 1.0;
+    film = film * job.camera_half + job.camera_center;
     if (camera_is_parallel()) {
-        return camera_parallel_ray(film * job.camera_half);
+        return camera_parallel_ray(film);
     }
     if (job.camera_kind == CAMERA_SPHERICAL) {
-        return Ray(job.camera_position, camera_direction_at(film * job.camera_half));
+        return Ray(job.camera_position, camera_direction_at(film));
     }
-    vec3 through = job.camera_forward + job.camera_right * (film.x * job.camera_half.x)
-        - job.camera_up * (film.y * job.camera_half.y);
+    vec3 through = job.camera_forward + job.camera_right * film.x - job.camera_up * film.y;
     if (job.lens_radius <= 0.0) {
         return Ray(job.camera_position, normalize_or(through, job.camera_forward));
     }
@@ -73,6 +73,11 @@ float camera_pdf_w(vec3 dir) {
     return 1.0 / (camera_is_parallel() ? area : area * cos_axis * cos_axis * cos_axis);
 }
 
+// Returns the film position in pixels of coordinates from the axis: `Camera::raster`.
+vec2 camera_raster(vec2 film) {
+    return 0.5 * ((film - job.camera_center) / job.camera_half + 1.0) * vec2(job.resolution);
+}
+
 // Projects light that arrives along `-dir` through a point of the lens onto the film, in pixels;
 // false if it is not ahead of the camera.
 bool camera_project_direction(vec2 disk, vec3 dir, out vec2 raster) {
@@ -86,7 +91,7 @@ bool camera_project_direction(vec2 disk, vec3 dir, out vec2 raster) {
         film = camera_angles_of(dir);
         ahead = camera_off_poles(dir);
     }
-    raster = 0.5 * (film / job.camera_half + 1.0) * vec2(job.resolution);
+    raster = camera_raster(film);
     return ahead;
 }
 
@@ -121,7 +126,7 @@ bool camera_connect(bool far, vec3 point, vec2 lens_u, vec2 filter_u, out Camera
     if (parallel) {
         vec3 at = camera_project_parallel(point);
         ahead = at.z > 0.0 && is_finite(at);
-        raster = 0.5 * (vec2(at.x, -at.y) / job.camera_half + 1.0) * vec2(job.resolution);
+        raster = camera_raster(vec2(at.x, -at.y));
         c.lens = camera_film_point(at.xy);
         c.dir = job.camera_forward;
         c.distance = at.z;

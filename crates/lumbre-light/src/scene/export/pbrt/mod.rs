@@ -116,31 +116,42 @@ impl PbrtWriter<'_> {
         }
     }
 
-    /// Writes the camera. Its view is that of the smaller side.
+    /// Writes the camera.
     fn camera(&mut self, camera: &CameraDesc) {
         let [width, height] = self.desc.resolution.map(f64::from);
-        let smaller = |half: f64| half * (width / height).min(1.0);
         let (p, t, u) = (camera.position, camera.target, camera.up);
         if camera.kind == CameraKind::Spherical {
             self.spherical_camera(p, t - p, u);
             return;
         }
-        self.text.line("Scale -1 1 1");
+        // The camera space of pbrt is left-handed.
+        if !camera.window.mirrors() {
+            self.text.line("Scale -1 1 1");
+        }
         self.look_at([p, t, u]);
+        // Half extents of the picture and its middle, in units of half its height.
+        let ([_, shown], [right, down]) = (camera.window.size(), camera.window.offset());
+        let across = (width / height) as f32;
+        let (right, up) = (2.0 * right * across, -2.0 * down);
+        let edges = [right - across, right + across, up - 1.0, up + 1.0];
+        let screen = |half: f32| {
+            let [a, b, c, d] = edges.map(|edge| edge * half);
+            format!("\"float screenwindow\" [ {a} {b} {c} {d} ]")
+        };
         let text = &mut self.text;
         if camera.kind == CameraKind::Orthographic {
-            let half = 0.5 * camera.view_height;
-            let across = half * (width / height) as f32;
             text.directive("Camera", "orthographic");
-            text.parameter(&format!(
-                "\"float screenwindow\" [ {} {across} {} {half} ]",
-                -across, -half
-            ));
+            text.parameter(&screen(0.5 * camera.view_height * shown));
             return;
         }
-        let half = smaller((0.5 * f64::from(camera.view_deg()).to_radians()).tan());
+        let half = (0.5 * f64::from(camera.view_deg()).to_radians()).tan() * f64::from(shown);
         text.directive("Camera", "perspective");
-        text.number("float fov", (2.0 * half.atan()).to_degrees() as f32);
+        // The field of view is that of the smaller side, to which the screen refers.
+        let smaller = half * (width / height).min(1.0);
+        text.number("float fov", (2.0 * smaller.atan()).to_degrees() as f32);
+        if (right, up) != (0.0, 0.0) {
+            text.parameter(&screen((half / smaller) as f32));
+        }
         let lens = camera.lens_diameter();
         if lens > 0.0 {
             let focus = camera.focus_distance.unwrap_or_else(|| p.distance(t));

@@ -5,7 +5,9 @@ use glam::{DAffine3, DVec3};
 
 use super::DEFAULT_FILM;
 use super::tree::XmlObject;
-use crate::scene::desc::{CameraDesc, CameraKind, EntityDesc, MAX_SIDE, VIEW_HEIGHT_RANGE};
+use crate::scene::desc::{
+    CameraDesc, CameraKind, EntityDesc, MAX_SIDE, VIEW_HEIGHT_RANGE, ViewWindow,
+};
 use crate::scene::load::default_scene;
 use crate::scene::{Note, SceneError};
 
@@ -36,16 +38,11 @@ pub(super) fn read(
             )));
         }
     };
-    let resolution = match o.children("film").next() {
-        None => DEFAULT_FILM,
-        Some(film) => self::film(film)?,
+    let (film_size, cropped) = match o.children("film").next() {
+        None => (DEFAULT_FILM, WHOLE_FILM),
+        Some(film) => (size(film)?, crop(film)?),
     };
     let map = o.transform("to_world")?;
-    if map.matrix3.determinant() < 0.0 {
-        notes.push(o.note(
-            "`to_world` mirrors the image, which is not supported; left and right are exchanged",
-        ));
-    }
     let position = map.translation;
     let axis = |v: DVec3| map.transform_vector3(v).try_normalize();
     let (Some(forward), Some(up)) = (axis(DVec3::Z), axis(DVec3::Y)) else {
@@ -58,10 +55,15 @@ pub(super) fn read(
         up: up.as_vec3(),
         ..CameraDesc::default()
     };
+    let resolution;
+    (resolution, camera.window) = shown(o, film_size, cropped, kind, thin)?;
+    if map.matrix3.determinant() < 0.0 {
+        camera.window = camera.window.mirrored();
+    }
     if kind == CameraKind::Orthographic {
-        camera.view_height = view_height(o, &map, resolution, notes)?;
+        camera.view_height = view_height(o, &map, film_size, notes)?;
     } else {
-        camera.fov_deg = fov(o, resolution)?;
+        camera.fov_deg = fov(o, film_size)?;
     }
     if camera.position == camera.target {
         return Err(o.error("the position is too far from the origin for a view direction"));
@@ -76,6 +78,48 @@ pub(super) fn read(
     }
     note_clipping(o, &camera, entities, notes)?;
     Ok((camera, resolution))
+}
+
+/// Part of a film that is rendered: offset and size in pixels; `None` is up to the edge.
+type Crop = ([u32; 2], [Option<u32>; 2]);
+
+/// The whole film.
+const WHOLE_FILM: Crop = ([0; 2], [None; 2]);
+
+/// Returns the resolution of the picture and what it shows of the view of the whole film: its crop,
+/// moved by the offset of the principal point, which thin lenses and parallel rays lack.
+fn shown(
+    o: &XmlObject,
+    size: [u32; 2],
+    (offset, cropped): Crop,
+    kind: CameraKind,
+    thin: bool,
+) -> Result<([u32; 2], ViewWindow), SceneError> {
+    let mut resolution = [0; 2];
+    let mut edges = [[0.0; 2]; 2];
+    for (i, key) in ["principal_point_offset_x", "principal_point_offset_y"]
+        .into_iter()
+        .enumerate()
+    {
+        let rest = size[i].saturating_sub(offset[i]);
+        resolution[i] = cropped[i].unwrap_or(rest);
+        if resolution[i] == 0 || resolution[i] > rest {
+            return Err(o.error("the crop of the film is empty or reaches beyond its edges"));
+        }
+        let moved = if kind == CameraKind::Perspective && !thin {
+            o.number(key, 0.0)?
+        } else {
+            0.0
+        };
+        let edge = |pixels: u32| (f64::from(pixels) / f64::from(size[i]) + moved) as f32;
+        edges[i] = [edge(offset[i]), edge(offset[i] + resolution[i])];
+    }
+    let [[left, right], [top, bottom]] = edges;
+    let window = ViewWindow::from_array([left, right, top, bottom]);
+    match window.problem() {
+        Some(problem) => Err(o.error(problem)),
+        None => Ok((resolution, window)),
+    }
 }
 
 /// Notes that Mitsuba cuts off what lies beyond `far_clip`, if anything may. Its camera rays end
@@ -145,8 +189,29 @@ fn lens(o: &XmlObject, camera: &mut CameraDesc) -> Result<(), SceneError> {
     Ok(())
 }
 
-/// Reads the resolution of a film.
-fn film(film: &XmlObject) -> Result<[u32; 2], SceneError> {
+/// Reads the crop of a film.
+fn crop(film: &XmlObject) -> Result<Crop, SceneError> {
+    let pixels = |key: &str, default: f64| {
+        let x = film.number(key, default)?;
+        let whole = x.fract() == 0.0 && (0.0..=f64::from(MAX_SIDE)).contains(&x);
+        whole.then_some(x as u32).ok_or_else(|| {
+            film.error(format!(
+                "`{key}` must be a whole number from 0 to {MAX_SIDE}, found {x}"
+            ))
+        })
+    };
+    let size = |key: &str| match film.property(key) {
+        None => Ok(None),
+        Some(_) => pixels(key, 0.0).map(Some),
+    };
+    Ok((
+        [pixels("crop_offset_x", 0.0)?, pixels("crop_offset_y", 0.0)?],
+        [size("crop_width")?, size("crop_height")?],
+    ))
+}
+
+/// Reads the size of a film in pixels.
+fn size(film: &XmlObject) -> Result<[u32; 2], SceneError> {
     // Everything else about the film is set by the script.
     film.mark_read(&[
         "file_format",

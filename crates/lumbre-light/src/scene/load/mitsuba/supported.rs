@@ -24,12 +24,13 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     SupportedElement {
         name: "`perspective`, `thinlens`",
         support: "`to_world`, `fov`, `fov_axis`, `focal_length`, `aperture_radius`, \
-                  `focus_distance`; the size of the `film`",
-        limits: "mirrored cameras and further sensors are noted",
+                  `focus_distance`, `principal_point_offset_x` and `_y`; size and crop of the \
+                  `film`",
+        limits: "further sensors are noted",
     },
     SupportedElement {
         name: "`orthographic`",
-        support: "`to_world`, of which the scale gives the extent; the size of the `film`",
+        support: "`to_world`, of which the scale gives the extent; size and crop of the `film`",
         limits: "pixels that are not square are noted",
     },
     SupportedElement {

@@ -5,21 +5,59 @@ use glam::{DAffine3, DVec3};
 use super::Version;
 use super::params::Params;
 use super::token::truncated;
-use crate::scene::desc::{CameraDesc, CameraKind, MAX_SIDE, VIEW_HEIGHT_RANGE};
+use crate::scene::desc::{CameraDesc, CameraKind, MAX_SIDE, VIEW_HEIGHT_RANGE, ViewWindow};
 use crate::scene::{Note, SceneError};
 
 /// Width and height of a film without any.
 const DEFAULT_FILM: [u32; 2] = [1280, 720];
 
-/// Reads the resolution of a film.
-pub(super) fn resolution(
-    film: Option<&Params>,
-    notes: &mut Vec<Note>,
-) -> Result<[u32; 2], SceneError> {
-    let Some(film) = film else {
-        return Ok(DEFAULT_FILM);
-    };
+/// Size of a film, and the part of it that is rendered.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Film {
+    /// Width and height of the whole film in pixels.
+    size: [u32; 2],
+    /// First and last column, then row, of the picture, the last exclusive.
+    pixels: [[u32; 2]; 2],
+}
+
+impl Film {
+    /// Returns width and height of the picture of a camera in pixels: that of a spherical one is not
+    /// cropped.
+    pub fn resolution(
+        &self,
+        camera: &CameraDesc,
+        notes: &mut Vec<Note>,
+        at: Option<&Params>,
+    ) -> [u32; 2] {
+        let cropped = self.pixels.map(|[first, end]| end - first);
+        if camera.kind != CameraKind::Spherical || cropped == self.size {
+            return cropped;
+        }
+        notes.extend(at.map(|film| {
+            film.note("a crop of a spherical camera is not supported; the whole is rendered")
+        }));
+        self.size
+    }
+
+    /// Returns what the picture shows of a view that the film shows moved by `offset`, in sizes of
+    /// the film, to the right and downwards.
+    fn window(&self, offset: [f64; 2]) -> ViewWindow {
+        let edge = |i: usize, k: usize| {
+            (f64::from(self.pixels[i][k]) / f64::from(self.size[i]) + offset[i]) as f32
+        };
+        ViewWindow::from_array([edge(0, 0), edge(0, 1), edge(1, 0), edge(1, 1)])
+    }
+}
+
+/// Reads the size and the crop of a film.
+pub(super) fn film(film: Option<&Params>) -> Result<Film, SceneError> {
     let mut size = DEFAULT_FILM;
+    let Some(film) = film else {
+        return Ok(Film {
+            size,
+            pixels: size.map(|n| [0, n]),
+        });
+    };
     for (n, key) in size.iter_mut().zip(["xresolution", "yresolution"]) {
         *n = film.integer(key, *n, MAX_SIDE)?;
         if *n == 0 {
@@ -36,11 +74,34 @@ pub(super) fn resolution(
         "lambdamin",
         "lambdamax",
     ]);
-    let crops = ["cropwindow", "pixelbounds"];
-    if crops.iter().any(|name| film.get(name).is_some()) {
-        notes.push(film.note("a crop is not supported; the whole image is rendered"));
+    let pixels = crop(film, size)?;
+    Ok(Film { size, pixels })
+}
+
+/// Reads the pixels of a film that are rendered: `pixelbounds`, or those of `cropwindow` in
+/// fractions of the film, whose edges are rounded up.
+fn crop(film: &Params, size: [u32; 2]) -> Result<[[u32; 2]; 2], SceneError> {
+    let four = |name: &str| match film.numbers(name)? {
+        None => Ok(None),
+        Some([a, b, c, d]) => Ok(Some([*a, *b, *c, *d])),
+        Some(_) => Err(film.error(format!("`{name}` needs four numbers"))),
+    };
+    let [width, height] = size.map(f64::from);
+    let edges = match (four("pixelbounds")?, four("cropwindow")?) {
+        (Some(edges), _) => edges,
+        (None, Some([a, b, c, d])) => [a * width, b * width, c * height, d * height],
+        (None, None) => [0.0, width, 0.0, height],
+    };
+    let pixel = |edge: f64, most: u32| edge.ceil().clamp(0.0, f64::from(most)) as u32;
+    let [a, b, c, d] = edges;
+    let pixels = [
+        [pixel(a, size[0]), pixel(b, size[0])],
+        [pixel(c, size[1]), pixel(d, size[1])],
+    ];
+    if pixels.iter().any(|[first, end]| first >= end) {
+        return Err(film.error("the crop of the film has no pixel"));
     }
-    Ok(size)
+    Ok(pixels)
 }
 
 /// Returns the factor of the film on all light: in version 4 exposure time times ISO over 100, in
@@ -81,14 +142,22 @@ pub(super) fn exposure(
     Ok(factor as f32)
 }
 
-/// Returns half of the height of the screen window: of a perspective camera, half the height of the
-/// image at distance 1 over the tangent of half the field of view, since the smaller side of the
-/// image has the field of view; of an orthographic one, half the height in units of camera space.
-fn half_height(
+/// The part of the screen that a film shows.
+struct Screen {
+    /// Half of its height: of a perspective camera, half the height of the image at distance 1 over
+    /// the tangent of half the field of view, since the smaller side of the image has the field of
+    /// view; of an orthographic one, half the height in units of camera space.
+    half_height: f64,
+    /// Vector from the axis to its middle, in its own width and height, to the right and downwards.
+    offset: [f64; 2],
+}
+
+/// Reads the screen of a film of this size.
+fn screen(
     params: &Params,
     [width, height]: [u32; 2],
     notes: &mut Vec<Note>,
-) -> Result<f64, SceneError> {
+) -> Result<Screen, SceneError> {
     let aspect = f64::from(width) / f64::from(height);
     let frame = params.number("frameaspectratio", aspect)?;
     if frame <= 0.0 {
@@ -101,14 +170,14 @@ fn half_height(
         None => [-1.0, 1.0, -1.0 / frame, 1.0 / frame],
     };
     let [a, b, c, d] = window;
-    let (across, up) = (0.5 * (b - a), 0.5 * (d - c));
-    if (a + b).abs() > 1e-4 * across || (c + d).abs() > 1e-4 * up {
-        notes.push(params.note("a `screenwindow` off the centre is not supported; it is centred"));
-    }
+    let (across, up) = (b - a, d - c);
     if (across / up / aspect - 1.0).abs() > 2e-3 {
         notes.push(params.note("pixels that are not square are not supported; the height is kept"));
     }
-    Ok(up)
+    Ok(Screen {
+        half_height: 0.5 * up,
+        offset: [0.5 * (a + b) / across, -0.5 * (c + d) / up],
+    })
 }
 
 /// Reads radius and focus distance of a lens, in units of the world.
@@ -129,7 +198,7 @@ pub(super) fn read(
     class: &str,
     params: &Params,
     to_world: &DAffine3,
-    resolution: [u32; 2],
+    film: &Film,
     notes: &mut Vec<Note>,
 ) -> Result<CameraDesc, SceneError> {
     let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| to_world.transform_vector3(axis));
@@ -152,8 +221,8 @@ pub(super) fn read(
         ..CameraDesc::default()
     };
     let camera = match class {
-        "perspective" => perspective(params, scale, resolution, towards(forward), notes)?,
-        "orthographic" => orthographic(params, scale, resolution, towards(forward), notes)?,
+        "perspective" => perspective(params, scale, film, towards(forward), notes)?,
+        "orthographic" => orthographic(params, scale, film, towards(forward), notes)?,
         // The left edge of the picture is on the right of the camera, and forward is a quarter of
         // the width further: the middle is on the left.
         "spherical" => {
@@ -169,6 +238,7 @@ pub(super) fn read(
             )));
             CameraDesc {
                 fov_deg: 90.0,
+                window: film.window([0.0; 2]),
                 ..towards(forward)
             }
         }
@@ -189,7 +259,7 @@ const CLASSES: [&str; 4] = ["perspective", "orthographic", "spherical", "environ
 fn perspective(
     params: &Params,
     scale: f64,
-    resolution: [u32; 2],
+    film: &Film,
     camera: CameraDesc,
     notes: &mut Vec<Note>,
 ) -> Result<CameraDesc, SceneError> {
@@ -199,10 +269,12 @@ fn perspective(
             "`fov` must be between 0 and 180 degrees, found {fov}"
         )));
     }
-    let half = (0.5 * fov.to_radians()).tan() * half_height(params, resolution, notes)?;
+    let screen = screen(params, film.size, notes)?;
+    let half = (0.5 * fov.to_radians()).tan() * screen.half_height;
     let (radius, focus) = lens(params, scale)?;
     Ok(CameraDesc {
         fov_deg: (2.0 * half.atan()).to_degrees() as f32,
+        window: film.window(screen.offset),
         aperture: (2.0 * radius) as f32,
         focus_distance: (radius > 0.0).then_some(focus.min(1e12) as f32),
         ..camera
@@ -213,7 +285,7 @@ fn perspective(
 fn orthographic(
     params: &Params,
     scale: f64,
-    resolution: [u32; 2],
+    film: &Film,
     camera: CameraDesc,
     notes: &mut Vec<Note>,
 ) -> Result<CameraDesc, SceneError> {
@@ -221,7 +293,8 @@ fn orthographic(
     if radius > 0.0 {
         notes.push(params.note("the lens of an orthographic camera is not supported; ignored"));
     }
-    let height = 2.0 * half_height(params, resolution, notes)? * scale;
+    let screen = screen(params, film.size, notes)?;
+    let height = 2.0 * screen.half_height * scale;
     let [least, most] = VIEW_HEIGHT_RANGE;
     if !(least..=most).contains(&height) {
         return Err(params.error(format!(
@@ -231,6 +304,7 @@ fn orthographic(
     Ok(CameraDesc {
         kind: CameraKind::Orthographic,
         view_height: height as f32,
+        window: film.window(screen.offset),
         ..camera
     })
 }

@@ -226,7 +226,7 @@ impl Loader {
 
     /// Returns the scene after the last directive.
     fn finish(mut self) -> Result<(SceneDesc, Vec<Note>), SceneError> {
-        let resolution = camera::resolution(self.film.as_ref(), &mut self.notes)?;
+        let film = camera::film(self.film.as_ref())?;
         let camera = match &self.camera {
             Some(source) => {
                 let to_world = self.world * source.to_world;
@@ -234,7 +234,7 @@ impl Loader {
                     &source.class,
                     &source.params,
                     &to_world,
-                    resolution,
+                    &film,
                     &mut self.notes,
                 )?
             }
@@ -248,6 +248,7 @@ impl Loader {
                 default_scene::framing_camera(None)
             }
         };
+        let resolution = film.resolution(&camera, &mut self.notes, self.film.as_ref());
         if let Some(film) = &self.film {
             film.note_unread(&mut self.notes);
         }

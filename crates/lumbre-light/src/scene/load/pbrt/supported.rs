@@ -38,23 +38,24 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`Film`, `PixelFilter`",
-        support: "`xresolution`, `yresolution`; exposure by `iso` and the shutter, or `scale`",
-        limits: "crops, other sensors and the filter are noted",
+        support: "`xresolution`, `yresolution`, `cropwindow`, `pixelbounds`; exposure by `iso` and \
+                  the shutter, or `scale`",
+        limits: "other sensors and the filter are noted",
     },
     SupportedElement {
         name: "`perspective`",
         support: "`fov`, `screenwindow`, `frameaspectratio`, `lensradius`, `focaldistance`",
-        limits: "windows off the centre and pixels that are not square are noted",
+        limits: "pixels that are not square are noted",
     },
     SupportedElement {
         name: "`orthographic`",
         support: "`screenwindow`, `frameaspectratio`",
-        limits: "lenses, windows off the centre and pixels that are not square are noted",
+        limits: "lenses and pixels that are not square are noted",
     },
     SupportedElement {
         name: "`spherical`, in version 3 `environment`",
         support: "`mapping` with the value `equirectangular`",
-        limits: "the mapping `equalarea` is noted and replaced",
+        limits: "crops, and the mapping `equalarea`, are noted and replaced",
     },
     SupportedElement {
         name: "other cameras",
