@@ -276,6 +276,13 @@ impl State {
             "target" => point(camera.target),
             "up" => point(camera.up),
             "kind" => Some(camera.kind.name().into()),
+            "window" => {
+                let edges = camera
+                    .window
+                    .to_array()
+                    .map(|x| Value::number(f64::from(x)));
+                Some(Value::List(edges.into()))
+            }
             "view_height" => number(camera.view_height),
             "fov" => number(camera.view_deg()),
             "aperture" => number(camera.lens_diameter()),

@@ -283,6 +283,7 @@ impl<'a> Parser<'a> {
             _ if word.contains(',') => "rgb",
             _ if word.parse::<f64>().is_err() => "string",
             _ if ["width", "height", "shape_index"].contains(&key) => "integer",
+            _ if key.starts_with("crop_") => "integer",
             _ => "float",
         };
         Ok(format!("<{class} name=\"{key}\" value=\"{word}\"/>"))

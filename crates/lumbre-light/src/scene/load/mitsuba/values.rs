@@ -79,6 +79,9 @@ pub(super) fn color(text: &str) -> Result<Vec3, String> {
     finite(vector(text)?)
 }
 
+/// Linear sRGB of light of equal energy, whose X, Y and Z are 1, with the digits that Mitsuba uses.
+const EQUAL_ENERGY: DVec3 = DVec3::new(1.204_794, 0.948_291, 0.908_916);
+
 /// Value of a `spectrum` element.
 #[derive(Clone, Debug)]
 pub(super) enum Spectrum {
@@ -97,7 +100,7 @@ impl Spectrum {
     /// emitters, and under D65 for everything else. Emission outside of sRGB is cut.
     pub fn color(&self, emits: bool) -> Result<Vec3, String> {
         let color = match self {
-            Spectrum::Constant(x) if emits => to_srgb() * xyz(|_| *x),
+            Spectrum::Constant(x) if emits => EQUAL_ENERGY * *x,
             Spectrum::Constant(x) | Spectrum::Grey(x) => DVec3::splat(*x),
             Spectrum::Sampled(samples) if emits => to_srgb() * xyz(|nm| samples.at_or_zero(nm)),
             Spectrum::Sampled(samples) => under_daylight(|nm| samples.at_or_zero(nm)),
