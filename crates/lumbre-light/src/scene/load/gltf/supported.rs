@@ -149,7 +149,7 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     SupportedElement {
         name: "`samplers`",
         support: "`wrapS` and `wrapT`: repeat, mirror, clamp; `magFilter`: `NEAREST` takes the nearest texel, else bilinear",
-        limits: "`NEAREST` is noted",
+        limits: "",
     },
     SupportedElement {
         name: "all other extensions",
