@@ -45,19 +45,19 @@ pub struct RateTable {
 /// Returns the table of rates and, for several groups, that of the rates relative to the first one,
 /// with these scenes as rows and techniques as columns.
 pub fn tables(groups: &[RateGroup], scenes: &[String], techniques: &[String]) -> Vec<RateTable> {
-    let mut grids = vec![absolute(groups, scenes, techniques)];
+    let mut tables = vec![absolute(groups, scenes, techniques)];
     if let [base, others @ ..] = groups
         && !others.is_empty()
     {
-        grids.push(relative(base, others, scenes, techniques));
+        tables.push(relative(base, others, scenes, techniques));
     }
-    let table = |grid: Table| RateTable {
-        markdown: grid.to_markdown(),
-        csv: grid.to_long_csv(),
-        latex: grid.to_latex(),
-        name: grid.name,
+    let written = |table: Table| RateTable {
+        markdown: table.to_markdown(),
+        csv: table.to_long_csv(),
+        latex: table.to_latex(),
+        name: table.name,
     };
-    grids.into_iter().map(table).collect()
+    tables.into_iter().map(written).collect()
 }
 
 fn absolute(groups: &[RateGroup], scenes: &[String], techniques: &[String]) -> Table {
@@ -80,7 +80,7 @@ fn absolute(groups: &[RateGroup], scenes: &[String], techniques: &[String]) -> T
     };
     let caption = "Samples of every pixel per second (FPS). Mean of repeats with its 95 % \
                    confidence interval.";
-    grid(
+    table(
         "benchmark-fps",
         ("Sampling rate", caption),
         ("1/s", Digits::Significant(4)),
@@ -118,7 +118,7 @@ fn relative(
         "Sampling rate relative to that of {} with the same technique.",
         base.label
     );
-    grid(
+    table(
         "benchmark-relative",
         ("Relative sampling rate", &caption),
         ("1", Digits::Percent),
@@ -129,7 +129,7 @@ fn relative(
 }
 
 /// Builds a table of groups with their techniques.
-fn grid(
+fn table(
     name: &str,
     (title, caption): (&str, &str),
     (unit, digits): (&str, Digits),

@@ -171,8 +171,14 @@ pub fn value(text: &str) -> Result<Value, String> {
         return Err("a value is missing".to_owned());
     }
     if text.starts_with(['[', '{', '"']) {
-        let json =
-            serde_json::from_str(text).map_err(|e| format!("`{text}` is not valid JSON: {e}"))?;
+        let json = serde_json::from_str(text).map_err(|e| {
+            let mend = if text.starts_with('{') {
+                "; lists are written in brackets, as in `[0.5, 1]`"
+            } else {
+                ""
+            };
+            format!("`{text}` is not valid JSON: {e}{mend}")
+        })?;
         return Ok(Value::from_json(&json));
     }
     Ok(match text {
@@ -213,6 +219,14 @@ mod tests {
             expected.map(|(name, value)| (name.to_owned(), value))
         );
         assert!(scene_arg("b.lua?lamps").unwrap_err().contains("NAME=VALUE"));
+    }
+
+    #[test]
+    fn lists_are_json() {
+        let list = Value::List(vec![Value::Num(0.5), Value::Int(1)]);
+        assert_eq!(value("[0.5, 1]"), Ok(list));
+        assert!(value("{0.5, 1}").unwrap_err().contains("in brackets"));
+        assert!(!value("[0.5").unwrap_err().contains("in brackets"));
     }
 
     #[test]

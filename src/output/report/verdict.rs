@@ -61,22 +61,22 @@ pub struct Verdict {
 impl Verdict {
     /// Reads the answer from the report's tables. Without two series it has no columns.
     pub fn new(study: &Study, items: &[ReportItem]) -> Verdict {
-        let grids: Vec<&Table> = items.iter().filter_map(|i| i.table.as_deref()).collect();
+        let tables: Vec<&Table> = items.iter().filter_map(|i| i.table.as_deref()).collect();
         let mut verdict = Verdict::default();
         for metric in 0..study.metrics.len() {
             let name = format!("equal-time-{}", study.metrics[metric].column);
-            let Some(grid) = grids.iter().find(|grid| grid.name == name) else {
+            let Some(table) = tables.iter().find(|table| table.name == name) else {
                 continue;
             };
-            let columns = columns(study, metric, grid);
+            let columns = columns(study, metric, table);
             if columns.is_empty() || is_root_of_shown(study, metric) {
                 continue;
             }
-            verdict.rows = row_labels(study, grid);
+            verdict.rows = row_labels(study, table);
             verdict.columns.extend(columns);
         }
         verdict.sentences = verdict.columns.iter().map(sentence).collect();
-        verdict.caveats = caveats(study, &grids);
+        verdict.caveats = caveats(study, &tables);
         verdict
     }
 
@@ -131,7 +131,7 @@ pub(super) fn is_root_of_shown(study: &Study, metric: usize) -> bool {
 }
 
 /// Returns the labels of the rows of a table: facet and render time.
-fn row_labels(study: &Study, grid: &Table) -> Vec<String> {
+fn row_labels(study: &Study, table: &Table) -> Vec<String> {
     let label = |(facet, (labels, _)): (usize, &(Vec<String>, Vec<TableCell>))| {
         let time = labels.last().map_or("–", String::as_str);
         match study.facet_label(facet).as_str() {
@@ -139,12 +139,12 @@ fn row_labels(study: &Study, grid: &Table) -> Vec<String> {
             facet => format!("{facet}, after {time} s"),
         }
     };
-    grid.rows.iter().enumerate().map(label).collect()
+    table.rows.iter().enumerate().map(label).collect()
 }
 
 /// Returns one column of winners for each group of series with at least two of them; none for a
 /// metric that does not rank.
-fn columns(study: &Study, metric: usize, grid: &Table) -> Vec<Column> {
+fn columns(study: &Study, metric: usize, table: &Table) -> Vec<Column> {
     let spec = &study.metrics[metric];
     let display = MetricDisplay::for_metric(spec);
     if display.is_magnitude() {
@@ -152,14 +152,18 @@ fn columns(study: &Study, metric: usize, grid: &Table) -> Vec<Column> {
     }
     let mut first = 0;
     let mut columns = Vec::new();
-    for (group, span) in &grid.groups {
+    for (group, span) in &table.groups {
         let range = first..first + span;
         first += span;
         if *span < 2 {
             continue;
         }
         let winner = |(_, cells): &(Vec<String>, Vec<TableCell>)| {
-            winner(display, &grid.columns[range.clone()], &cells[range.clone()])
+            winner(
+                display,
+                &table.columns[range.clone()],
+                &cells[range.clone()],
+            )
         };
         let heading = match group.as_str() {
             "" => spec.row.label.to_owned(),
@@ -167,7 +171,7 @@ fn columns(study: &Study, metric: usize, grid: &Table) -> Vec<Column> {
         };
         columns.push(Column {
             heading,
-            winners: grid.rows.iter().map(winner).collect(),
+            winners: table.rows.iter().map(winner).collect(),
         });
     }
     columns
@@ -243,13 +247,13 @@ fn sentence(column: &Column) -> String {
 
 /// Returns what weakens the answer: few repeats, numbers at the noise of their reference, and
 /// thresholds that the first measurement had passed.
-fn caveats(study: &Study, grids: &[&Table]) -> Vec<String> {
+fn caveats(study: &Study, tables: &[&Table]) -> Vec<String> {
     let mut caveats = Vec::new();
-    let finals = |grid: &&&Table| grid.name.starts_with("final-");
-    let runs = grids
+    let finals = |table: &&&Table| table.name.starts_with("final-");
+    let runs = tables
         .iter()
         .filter(finals)
-        .flat_map(|grid| &grid.rows)
+        .flat_map(|table| &table.rows)
         .flat_map(|(_, cells)| cells)
         .filter(|cell| cell.runs > 0)
         .map(|cell| cell.runs);
@@ -260,34 +264,34 @@ fn caveats(study: &Study, grids: &[&Table]) -> Vec<String> {
             if least == 1 { "" } else { "s" }
         ));
     }
-    let repeats_another = |grid: &Table| {
-        let column = grid.name.trim_start_matches("final-");
+    let repeats_another = |table: &Table| {
+        let column = table.name.trim_start_matches("final-");
         let metric = study.metrics.iter().position(|m| m.column == column);
         metric.is_some_and(|metric| is_root_of_shown(study, metric))
     };
-    for grid in grids.iter().filter(finals) {
-        if repeats_another(grid) {
+    for table in tables.iter().filter(finals) {
+        if repeats_another(table) {
             continue;
         }
-        let (at_floor, all) = count(grid, |cell| cell.at_floor);
+        let (at_floor, all) = count(table, |cell| cell.at_floor);
         if at_floor > 0 {
             caveats.push(format!(
                 "{}: {at_floor} of {all} numbers can be noise of the reference by half or more \
                  (†). References with more samples would tell.",
-                grid.title
+                table.title
             ));
         }
     }
-    for grid in grids
+    for table in tables
         .iter()
-        .filter(|grid| grid.name.starts_with("time-to-"))
+        .filter(|table| table.name.starts_with("time-to-"))
     {
-        let (passed, all) = count(grid, |cell| cell.bound == Bound::Upper);
+        let (passed, all) = count(table, |cell| cell.bound == Bound::Upper);
         if passed > 0 {
             caveats.push(format!(
                 "{}: {passed} of {all} times are of the first measurement, which had passed the \
                  threshold. Choose a harder threshold or measure earlier.",
-                grid.title
+                table.title
             ));
         }
     }
@@ -305,8 +309,8 @@ fn caveats(study: &Study, grids: &[&Table]) -> Vec<String> {
 }
 
 /// Counts the cells with a number for which `is` holds, and all cells with a number.
-fn count(grid: &Table, is: impl Fn(&TableCell) -> bool) -> (usize, usize) {
-    let mut known = grid.cells();
+fn count(table: &Table, is: impl Fn(&TableCell) -> bool) -> (usize, usize) {
+    let mut known = table.cells();
     known.retain(|cell| cell.value.is_some());
     (known.iter().filter(|cell| is(cell)).count(), known.len())
 }

@@ -1,7 +1,7 @@
 //! Tables of errors and of times to reach an error.
 
 use super::rates::SPEED;
-use super::{empty_grid, fill_grid, mark_noise_floors, with_devices};
+use super::{empty_table, fill_table, mark_noise_floors, with_devices};
 use crate::experiment::{WaveRow, night_results};
 use crate::output::format;
 use crate::output::metric_display::MetricDisplay;
@@ -28,7 +28,7 @@ pub(super) fn final_values(study: &Study, metric: usize) -> Table {
         "{} at the end of each run. Mean over repeats.",
         format::metric_description(spec)
     );
-    let grid = empty_grid(
+    let table = empty_table(
         study,
         spec.row.label,
         &format!("final-{}", spec.column),
@@ -38,11 +38,11 @@ pub(super) fn final_values(study: &Study, metric: usize) -> Table {
         Digits::Significant(4),
     );
     let last = |_: usize, m: &Member| m.value(m.run.rows.last()?, metric);
-    let mut grid = fill_grid(study, grid, metric_ranking(study, metric), |facet, m| {
+    let mut table = fill_table(study, table, metric_ranking(study, metric), |facet, m| {
         last(facet, m).map(RunValue::exact)
     });
-    mark_noise_floors(study, &mut grid, metric, last);
-    grid
+    mark_noise_floors(study, &mut table, metric, last);
+    table
 }
 
 /// Builds the table of efficiency, the reciprocal of squared error times render time. For an
@@ -72,7 +72,7 @@ pub(super) fn efficiency(study: &Study) -> Option<Table> {
     } else {
         format!("1/({unit} s)")
     };
-    let grid = empty_grid(
+    let table = empty_table(
         study,
         SPEED,
         "efficiency",
@@ -81,17 +81,17 @@ pub(super) fn efficiency(study: &Study) -> Option<Table> {
         &unit,
         Digits::Significant(3),
     );
-    let mut grid = fill_grid(study, grid, Ranking::HigherRate, |_, m| {
+    let mut table = fill_table(study, table, Ranking::HigherRate, |_, m| {
         let last = m.run.rows.last()?;
         let error = m.value(last, metric)?;
         let error = m.run.net_error(spec, error);
         let squared = if is_root { error * error } else { error };
         night_results::efficiency(squared, last.render_s).map(RunValue::exact)
     });
-    mark_noise_floors(study, &mut grid, metric, |_, m| {
+    mark_noise_floors(study, &mut table, metric, |_, m| {
         m.value(m.run.rows.last()?, metric)
     });
-    Some(grid)
+    Some(table)
 }
 
 /// Returns the curve of a run's metric over render time.
@@ -131,7 +131,7 @@ pub(super) fn equal_time(study: &Study, options: &ReportOptions, metric: usize) 
          interpolated linearly on the scales of the plots. Mean over repeats.",
         format::metric_description(spec)
     );
-    let grid = empty_grid(
+    let table = empty_table(
         study,
         spec.row.label,
         &format!("equal-time-{}", spec.column),
@@ -146,15 +146,15 @@ pub(super) fn equal_time(study: &Study, options: &ReportOptions, metric: usize) 
         let drawn = curve_over_time(study, m, metric).at(times[facet]?)?;
         Some(display.metric_value(drawn))
     };
-    let mut grid = fill_grid(study, grid, ranking, |facet, m| {
+    let mut table = fill_table(study, table, ranking, |facet, m| {
         at_time(facet, m).map(RunValue::exact)
     });
-    mark_noise_floors(study, &mut grid, metric, at_time);
-    grid.label_headers.push("time (s)".to_owned());
-    for ((labels, _), time) in grid.rows.iter_mut().zip(times) {
+    mark_noise_floors(study, &mut table, metric, at_time);
+    table.label_headers.push("time (s)".to_owned());
+    for ((labels, _), time) in table.rows.iter_mut().zip(times) {
         labels.push(time.map_or("–".to_owned(), |t| format::significant(t, 3)));
     }
-    Some(grid)
+    Some(table)
 }
 
 /// Returns the drawn error at which the runs of a facet are compared: the largest final error of
@@ -201,7 +201,7 @@ pub(super) fn equal_error(study: &Study, metric: usize) -> Option<Table> {
          over repeats.",
         format::metric_description(spec)
     );
-    let grid = empty_grid(
+    let table = empty_table(
         study,
         spec.row.label,
         &format!("equal-error-{}", spec.column),
@@ -210,17 +210,17 @@ pub(super) fn equal_error(study: &Study, metric: usize) -> Option<Table> {
         "s",
         Digits::Significant(3),
     );
-    let mut grid = fill_grid(study, grid, Ranking::ShorterTime, |facet, m| {
+    let mut table = fill_table(study, table, Ranking::ShorterTime, |facet, m| {
         let curve = curve_over_time(study, m, metric);
         first_reached(&curve, errors[facet]?, display.scale)
     });
-    grid.label_headers.push(spec.row.label.to_owned());
-    for ((labels, _), error) in grid.rows.iter_mut().zip(errors) {
+    table.label_headers.push(spec.row.label.to_owned());
+    for ((labels, _), error) in table.rows.iter_mut().zip(errors) {
         labels.push(error.map_or("–".to_owned(), |e| {
             format::significant(display.metric_value(e), 4)
         }));
     }
-    Some(grid)
+    Some(table)
 }
 
 /// Builds the table of render times to a threshold of a metric.
@@ -233,7 +233,7 @@ pub(super) fn time_to(study: &Study, metric: usize, threshold: f64) -> Table {
          interpolated. Mean over repeats.",
         format::metric_description(spec)
     );
-    let grid = empty_grid(
+    let table = empty_table(
         study,
         spec.row.label,
         &format!("time-to-{}-{threshold}", spec.column),
@@ -242,7 +242,7 @@ pub(super) fn time_to(study: &Study, metric: usize, threshold: f64) -> Table {
         "s",
         Digits::Significant(3),
     );
-    fill_grid(study, grid, Ranking::ShorterTime, |_, m| {
+    fill_table(study, table, Ranking::ShorterTime, |_, m| {
         let point = |row: &WaveRow| Some((row.render_s, m.value(row, metric)?));
         let curve: Vec<(f64, f64)> = m.run.rows.iter().filter_map(point).collect();
         quantity::time_to(better, &curve, threshold)

@@ -38,29 +38,29 @@ pub fn all(
     options: &ReportOptions,
     notes: &mut Vec<String>,
 ) -> Result<Vec<ReportItem>, ReportError> {
-    let mut grids = Vec::new();
+    let mut tables = Vec::new();
     for metric in 0..study.metrics.len() {
-        grids.extend(errors::equal_time(study, options, metric));
-        grids.extend(
-            errors::equal_error(study, metric).filter(|grid| !repeats_one_of(&grids, grid)),
+        tables.extend(errors::equal_time(study, options, metric));
+        tables.extend(
+            errors::equal_error(study, metric).filter(|table| !repeats_one_of(&tables, table)),
         );
-        grids.push(errors::final_values(study, metric));
+        tables.push(errors::final_values(study, metric));
     }
-    grids.extend(errors::efficiency(study));
-    grids.push(rates::sampling_rates(study));
-    grids.extend(rates::relative_rates(study));
+    tables.extend(errors::efficiency(study));
+    tables.push(rates::sampling_rates(study));
+    tables.extend(rates::relative_rates(study));
     for (column, threshold) in thresholds(study, options)? {
         let metric = study
             .metrics
             .iter()
             .position(|m| m.column == column)
             .unwrap_or(0);
-        grids.push(errors::time_to(study, metric, threshold));
+        tables.push(errors::time_to(study, metric, threshold));
     }
-    grids.extend(rates::acceleration_structures(study));
+    tables.extend(rates::acceleration_structures(study));
     if let Some(sentence) = study.bias_sentence() {
-        for grid in &mut grids {
-            grid.caption += &format!(" {sentence}");
+        for table in &mut tables {
+            table.caption += &format!(" {sentence}");
         }
     }
     let unfinished = study.all().filter(|m| !m.run.is_done()).count();
@@ -70,13 +70,14 @@ pub fn all(
             study.all().count()
         ));
     }
-    let has_values = |grid: &Table| {
-        grid.rows
+    let has_values = |table: &Table| {
+        table
+            .rows
             .iter()
             .flat_map(|(_, cells)| cells)
             .any(|cell| cell.value.is_some())
     };
-    Ok(grids
+    Ok(tables
         .into_iter()
         .filter(has_values)
         .map(ReportItem::table)
@@ -85,12 +86,12 @@ pub fn all(
 
 /// Returns whether a table of times to an equal error has the numbers of another one in every cell,
 /// as that of MSE has those of RMSE.
-fn repeats_one_of(grids: &[Table], grid: &Table) -> bool {
-    let mut times = grids
+fn repeats_one_of(tables: &[Table], table: &Table) -> bool {
+    let mut times = tables
         .iter()
         .filter(|other| other.name.starts_with("equal-error-"));
     times.any(|other| {
-        let (own, theirs) = (grid.cells(), other.cells());
+        let (own, theirs) = (table.cells(), other.cells());
         own.len() == theirs.len() && own.iter().zip(theirs).all(|(a, b)| is_same_number(a, b))
     })
 }
@@ -127,7 +128,7 @@ fn thresholds(study: &Study, options: &ReportOptions) -> Result<Vec<(String, f64
 }
 
 /// Creates a table over facets and series without rows.
-fn empty_grid(
+fn empty_table(
     study: &Study,
     section: &str,
     name: &str,
@@ -157,9 +158,9 @@ fn empty_grid(
 }
 
 /// Fills a table with means over finished repeats. `value` returns the value of a run in a facet.
-fn fill_grid(
+fn fill_table(
     study: &Study,
-    mut grid: Table,
+    mut table: Table,
     ranking: Ranking,
     value: impl Fn(usize, &Member) -> Option<RunValue>,
 ) -> Table {
@@ -180,7 +181,7 @@ fn fill_grid(
             samples.push(values);
         }
         let mut first = 0;
-        for (_, span) in &grid.groups {
+        for (_, span) in &table.groups {
             // A finished run without a value might have been better, so no value is marked then.
             let is_complete = complete[first..first + span].iter().all(|all| *all);
             let best = significant_best(&samples[first..first + span], ranking);
@@ -189,32 +190,32 @@ fn fill_grid(
             }
             first += span;
         }
-        grid.rows.push((study.facet_values(facet), cells));
+        table.rows.push((study.facet_values(facet), cells));
     }
-    let has_repeats = grid
+    let has_repeats = table
         .rows
         .iter()
         .flat_map(|(_, cells)| cells)
         .any(|cell| cell.runs > 1);
     if has_repeats && !matches!(ranking, Ranking::Unranked) {
-        grid.caption += " ";
-        grid.caption += TEST;
+        table.caption += " ";
+        table.caption += TEST;
     }
-    let cells = grid.rows.iter().flat_map(|(_, cells)| cells);
+    let cells = table.rows.iter().flat_map(|(_, cells)| cells);
     let bounds: Vec<Bound> = cells.map(|cell| cell.bound).collect();
     let explanations = Bound::explanations(&bounds);
     if !explanations.is_empty() {
-        grid.caption += " ";
-        grid.caption += &explanations;
+        table.caption += " ";
+        table.caption += &explanations;
     }
-    grid
+    table
 }
 
 /// Marks the cells in which a finished run's value of a metric is dominated by the noise of its
 /// reference. `value` returns the metric's value of a run in a facet.
 fn mark_noise_floors(
     study: &Study,
-    grid: &mut Table,
+    table: &mut Table,
     metric: usize,
     value: impl Fn(usize, &Member) -> Option<f64>,
 ) {
@@ -225,7 +226,7 @@ fn mark_noise_floors(
         both.is_some_and(|(value, floor)| spec.is_at_floor(value, floor))
     };
     let mut any = false;
-    for (facet, (_, cells)) in grid.rows.iter_mut().enumerate() {
+    for (facet, (_, cells)) in table.rows.iter_mut().enumerate() {
         for (series, cell) in cells.iter_mut().enumerate() {
             let members = study.members(facet, series);
             let mut finished = members.iter().filter(|m| m.run.is_done());
@@ -234,8 +235,8 @@ fn mark_noise_floors(
         }
     }
     if any {
-        grid.caption += " ";
-        grid.caption += AT_FLOOR;
+        table.caption += " ";
+        table.caption += AT_FLOOR;
     }
 }
 

@@ -1,6 +1,6 @@
 //! Tables of sampling rates and acceleration structures.
 
-use super::{empty_grid, fill_grid, with_devices};
+use super::{empty_table, fill_table, with_devices};
 use crate::output::quantity::RunValue;
 use crate::output::report::study::Study;
 use crate::output::table::ranking::Ranking;
@@ -13,7 +13,7 @@ pub(super) const SPEED: &str = "Speed and efficiency";
 pub(super) fn sampling_rates(study: &Study) -> Table {
     let caption = "Samples per pixel per second of render time (FPS: a frame is one sample of \
                    every pixel). Geometric mean over repeats.";
-    let grid = empty_grid(
+    let table = empty_table(
         study,
         SPEED,
         "fps-absolute",
@@ -22,7 +22,7 @@ pub(super) fn sampling_rates(study: &Study) -> Table {
         "1/s",
         Digits::Significant(4),
     );
-    fill_grid(study, grid, Ranking::HigherRate, |_, m| {
+    fill_table(study, table, Ranking::HigherRate, |_, m| {
         m.run.samples_per_s().map(RunValue::exact)
     })
 }
@@ -48,7 +48,7 @@ pub(super) fn relative_rates(study: &Study) -> Option<Table> {
     } else {
         return None;
     };
-    let mut grid = empty_grid(
+    let mut table = empty_table(
         study,
         SPEED,
         "fps-relative",
@@ -57,7 +57,7 @@ pub(super) fn relative_rates(study: &Study) -> Option<Table> {
         "1",
         Digits::Percent,
     );
-    (grid.groups, grid.columns) = (columns.groups, columns.labels);
+    (table.groups, table.columns) = (columns.groups, columns.labels);
     for (labels, cells) in sampling_rates(study).rows {
         let ratio = |(a, b): &(usize, usize)| {
             let (a, b) = (&cells[*a], &cells[*b]);
@@ -69,9 +69,9 @@ pub(super) fn relative_rates(study: &Study) -> Option<Table> {
             }
         };
         let cells = columns.ratios.iter().map(ratio).collect();
-        grid.rows.push((labels, cells));
+        table.rows.push((labels, cells));
     }
-    Some(grid)
+    Some(table)
 }
 
 /// Returns ratios of each device to the first one, for techniques that both have.
@@ -138,7 +138,7 @@ pub(super) fn acceleration_structures(study: &Study) -> Option<Table> {
     let caption = "Number of nodes, build time in milliseconds (minimum over runs), and million \
                    rays per second of render time, including shading (geometric mean over repeats; ×÷: \
                    factor of its 95 % confidence interval).";
-    let mut grid = empty_grid(
+    let mut table = empty_table(
         study,
         SPEED,
         "bvh",
@@ -160,15 +160,15 @@ pub(super) fn acceleration_structures(study: &Study) -> Option<Table> {
         columns.extend(["nodes", "build (ms)"].map(str::to_owned));
         columns.extend(labels.iter().map(|label| format!("{label} (Mrays/s)")));
     }
-    (grid.groups, grid.columns) = (heads, columns);
+    (table.groups, table.columns) = (heads, columns);
     for facet in 0..study.facets.len() {
         let cells = groups
             .iter()
             .flat_map(|group| structure_cells(study, facet, group))
             .collect();
-        grid.rows.push((study.facet_values(facet), cells));
+        table.rows.push((study.facet_values(facet), cells));
     }
-    Some(grid)
+    Some(table)
 }
 
 /// Returns nodes, build time and ray rates of one group of series in a facet.
