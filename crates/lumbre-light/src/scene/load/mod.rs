@@ -7,6 +7,7 @@
 pub(super) mod default_scene;
 mod environment;
 pub mod files;
+mod film;
 mod folder;
 mod gltf;
 mod images;

@@ -256,7 +256,7 @@ impl Camera {
             return self.project_parallel(point);
         }
         let disk = self.lens_offset(lens_u);
-        let to = point - self.lens_point(disk);
+        let to = point - self.plane_point(disk);
         let distance = to.length();
         Projection {
             distance,
@@ -303,9 +303,10 @@ impl Camera {
         ]
     }
 
-    /// Returns the point of the lens in world space.
+    /// Returns the point of the lens, or of the film of an orthographic camera, in world space, at
+    /// coordinates in scene units, to the right and upwards.
     #[inline(always)]
-    fn lens_point<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(&self, [x, y]: [R; 2]) -> V {
+    pub(super) fn plane_point<V: Vector>(&self, [x, y]: [V::Scalar; 2]) -> V {
         V::broadcast(self.position) + V::broadcast(self.right) * x + V::broadcast(self.up) * y
     }
 
@@ -316,7 +317,7 @@ impl Camera {
         disk: [R; 2],
         dir: V,
     ) -> Projection<V> {
-        let lens = self.lens_point(disk);
+        let lens = self.plane_point(disk);
         let distance = R::splat(f32::INFINITY);
         if self.kind == CameraKind::Spherical {
             return Projection {

@@ -35,7 +35,7 @@ impl Camera {
     #[inline(always)]
     pub(super) fn parallel_ray<V: Vector>(&self, [x, y]: [V::Scalar; 2]) -> [V; 2] {
         let forward = V::broadcast(self.forward);
-        [self.film_point([x, -y]), forward]
+        [self.plane_point([x, -y]), forward]
     }
 
     /// Projects scene points along the viewing direction.
@@ -54,16 +54,10 @@ impl Camera {
         Projection {
             ahead: distance.gt(R::splat(0.0)) & point.is_finite(),
             raster: self.raster([at[0], -at[1]]),
-            lens: self.film_point(at),
+            lens: self.plane_point(at),
             dir: forward,
             distance,
             pdf_w: self.pdf_w_at(forward, distance),
         }
-    }
-
-    /// Returns the point of the rectangle at coordinates in scene units, to the right and upwards.
-    #[inline(always)]
-    fn film_point<V: Vector>(&self, [x, y]: [V::Scalar; 2]) -> V {
-        V::broadcast(self.position) + V::broadcast(self.right) * x + V::broadcast(self.up) * y
     }
 }

@@ -54,13 +54,69 @@ fn radiance(p: Vec3, wo: Vec3) -> f64 {
     f64::from(step * (1.4 + p.y) * (1.2 - wo.z))
 }
 
-fn uniform(i: u32, which: u32) -> [f32; 4] {
+pub(super) fn uniform(i: u32, which: u32) -> [f32; 4] {
     pcg4d([i, which, 88, 99]).map(unit)
 }
 
 /// Returns the mean and the variance of the mean from sums.
-fn estimate(sum: f64, sum2: f64, n: f64) -> (f64, f64) {
+pub(super) fn estimate(sum: f64, sum2: f64, n: f64) -> (f64, f64) {
     (sum / n, (sum2 - sum * sum / n) / (n - 1.0) / n)
+}
+
+/// Light that light paths brought to the pixels of a film: sums of values and of their squares.
+pub(super) struct Splats {
+    size: [u32; 2],
+    sums: Vec<[f64; 2]>,
+}
+
+impl Splats {
+    /// Creates a film without light.
+    pub fn new(size: [u32; 2]) -> Splats {
+        let sums = vec![[0.0; 2]; (size[0] * size[1]) as usize];
+        Splats { size, sums }
+    }
+
+    /// Adds the value of a light path to a pixel.
+    pub fn add(&mut self, pixel: [u32; 2], value: f64) {
+        let [sum, squares] = &mut self.sums[(pixel[1] * self.size[0] + pixel[0]) as usize];
+        *sum += value;
+        *squares += value * value;
+    }
+
+    /// Panics unless the mean over `paths` light paths is that over `rays` camera rays, which find
+    /// `radiance`, in every pixel. `what` names the camera.
+    pub fn assert_equal_to_rays(
+        &self,
+        paths: u32,
+        camera: &Camera,
+        (rays, significance): (u32, f64),
+        radiance: impl Fn(&Ray) -> f64,
+        what: &str,
+    ) {
+        // A sample of the film has one light path per pixel: `paths` paths are `paths / pixels`
+        // samples.
+        let pixels = self.sums.len() as f64;
+        for (i, [sum, squares]) in self.sums.iter().enumerate() {
+            let (mean, variance) = estimate(*sum, *squares, f64::from(paths));
+            let (mean, variance) = (mean * pixels, variance * (pixels * pixels));
+            let pixel = [i as u32 % self.size[0], i as u32 / self.size[0]];
+            let (mut s, mut s2) = (0.0, 0.0);
+            for sample in 0..rays {
+                let mut sampler = Sampler::new(5, pixel, u64::from(sample));
+                let value = radiance(&camera.sample_ray(pixel, &mut sampler));
+                s += value;
+                s2 += value * value;
+            }
+            let (expected, v) = estimate(s, s2, f64::from(rays));
+            // Some pixels show nothing that emits.
+            let sigma = (variance + v).sqrt().max(1e-12);
+            let p = normal_two_sided_p((mean - expected) / sigma);
+            assert!(
+                p > significance,
+                "{what}, pixel {pixel:?}: {mean} {expected}"
+            );
+        }
+    }
 }
 
 #[test]
@@ -79,7 +135,7 @@ fn light_paths_connected_to_the_camera_equal_camera_rays_in_every_pixel() {
         for (kind, radius) in filters {
             let camera = camera(aperture, FilterSpec { kind, radius });
             let n_light = 600_000u32;
-            let mut light = vec![(0.0f64, 0.0f64); pixels];
+            let mut light = Splats::new(SIZE);
             for i in 0..n_light {
                 let [a, b, c, d] = uniform(i, 1);
                 let [e, f, ..] = uniform(i, 2);
@@ -91,38 +147,17 @@ fn light_paths_connected_to_the_camera_equal_camera_rays_in_every_pixel() {
                 let area = f64::from(4.0 * HALF * HALF);
                 let value =
                     area * radiance(point, -to.dir) * f64::from(to.dir.z.abs() * to.importance);
-                let at = &mut light[(to.pixel[1] * SIZE[0] + to.pixel[0]) as usize];
-                at.0 += value;
-                at.1 += value * value;
+                light.add(to.pixel, value);
             }
-            for (i, (sum, sum2)) in light.into_iter().enumerate() {
-                // A sample of the film has one light path per pixel: `n_light` paths are `n_light /
-                // pixels` samples.
-                let (mean, variance) = estimate(sum, sum2, f64::from(n_light));
-                let (mean, variance) = (mean * pixels as f64, variance * (pixels * pixels) as f64);
-                let pixel = [i as u32 % SIZE[0], i as u32 / SIZE[0]];
-                let n = 12_000u32;
-                let (mut s, mut s2) = (0.0, 0.0);
-                for sample in 0..n {
-                    let ray =
-                        camera.sample_ray(pixel, &mut Sampler::new(5, pixel, u64::from(sample)));
-                    let value = if ray.dir.z < 0.0 {
-                        radiance(ray.origin - ray.dir * (ray.origin.z / ray.dir.z), -ray.dir)
-                    } else {
-                        0.0
-                    };
-                    s += value;
-                    s2 += value * value;
+            let found = |ray: &Ray| {
+                if ray.dir.z < 0.0 {
+                    radiance(ray.origin - ray.dir * (ray.origin.z / ray.dir.z), -ray.dir)
+                } else {
+                    0.0
                 }
-                let (expected, v) = estimate(s, s2, f64::from(n));
-                // Some pixels show only the black plane outside of the square.
-                let sigma = (variance + v).sqrt().max(1e-12);
-                let p = normal_two_sided_p((mean - expected) / sigma);
-                assert!(
-                    p > significance,
-                    "{kind:?} {radius}, lens {aperture}, pixel {pixel:?}: {mean} {expected}"
-                );
-            }
+            };
+            let what = format!("{kind:?} {radius}, lens {aperture}");
+            light.assert_equal_to_rays(n_light, &camera, (12_000, significance), found, &what);
         }
     }
 }

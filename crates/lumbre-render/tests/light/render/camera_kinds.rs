@@ -4,7 +4,6 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use lumbre_light::math::rng::{pcg4d, unit};
 use lumbre_light::math::stats::{normal_two_sided_p, sidak};
 use lumbre_light::math::warp::uniform_sphere;
 use lumbre_light::scene::CompiledScene;
@@ -13,6 +12,7 @@ use lumbre_light::scene::desc::{CameraDesc, CameraKind};
 use lumbre_light::transport::camera::filter::FILTERS;
 use lumbre_light::transport::camera::{Camera, FilterKind, FilterSpec};
 use lumbre_light::transport::integrator::INTEGRATORS;
+use lumbre_light::transport::ray::Ray;
 use lumbre_light::transport::sampler::Sampler;
 use lumbre_light::value::Value;
 use lumbre_render::{Job, Renderer};
@@ -21,6 +21,7 @@ use crate::common::{
     SceneBuilder, WHITE, grey, job, light, render, render_waves, timed_job, timing,
 };
 use crate::render::agreement::{agree_with_bpt, params, room};
+use crate::render::camera::{Splats, estimate, uniform};
 
 const SIZE: [u32; 2] = [10, 6];
 
@@ -37,15 +38,6 @@ fn desc(kind: CameraKind) -> CameraDesc {
         view_height: 1.6,
         ..CameraDesc::default()
     }
-}
-
-fn uniform(i: u32, which: u32) -> [f32; 4] {
-    pcg4d([i, which, 88, 99]).map(unit)
-}
-
-/// Returns the mean and the variance of the mean from sums.
-fn estimate(sum: f64, sum2: f64, n: f64) -> (f64, f64) {
-    (sum / n, (sum2 - sum * sum / n) / (n - 1.0) / n)
 }
 
 /// Changes the camera of a scene.
@@ -224,7 +216,7 @@ fn light_paths_connected_to_the_camera_equal_camera_rays_in_every_pixel() {
         for filter in filters.iter().copied().chain([FilterSpec::PIXEL]) {
             let camera = Camera::new(&desc(kind), SIZE, filter);
             let n_light = 400_000u32;
-            let mut splats = vec![(0.0f64, 0.0f64); pixels];
+            let mut splats = Splats::new(SIZE);
             for i in 0..n_light {
                 let [a, b, e, f] = uniform(i, 1);
                 let (point, normal, area) = emitting_point(kind, &camera, [a, b]);
@@ -238,31 +230,11 @@ fn light_paths_connected_to_the_camera_equal_camera_rays_in_every_pixel() {
                 };
                 let cos = to.dir.dot(normal).abs();
                 let value = area * pattern(point - middle) * f64::from(cos * to.importance);
-                let at = &mut splats[(to.pixel[1] * SIZE[0] + to.pixel[0]) as usize];
-                at.0 += value;
-                at.1 += value * value;
+                splats.add(to.pixel, value);
             }
-            for (i, (sum, sum2)) in splats.into_iter().enumerate() {
-                let (mean, variance) = estimate(sum, sum2, f64::from(n_light));
-                let (mean, variance) = (mean * pixels as f64, variance * (pixels * pixels) as f64);
-                let pixel = [i as u32 % SIZE[0], i as u32 / SIZE[0]];
-                let n = 10_000u32;
-                let (mut s, mut s2) = (0.0, 0.0);
-                for sample in 0..n {
-                    let mut sampler = Sampler::new(5, pixel, u64::from(sample));
-                    let ray = camera.sample_ray(pixel, &mut sampler);
-                    let value = radiance_along(kind, &camera, ray.origin, ray.dir);
-                    s += value;
-                    s2 += value * value;
-                }
-                let (expected, v) = estimate(s, s2, f64::from(n));
-                let sigma = (variance + v).sqrt().max(1e-12);
-                let p = normal_two_sided_p((mean - expected) / sigma);
-                assert!(
-                    p > significance,
-                    "{kind:?} {filter:?}, pixel {pixel:?}: {mean} {expected}"
-                );
-            }
+            let found = |ray: &Ray| radiance_along(kind, &camera, ray.origin, ray.dir);
+            let what = format!("{kind:?} {filter:?}");
+            splats.assert_equal_to_rays(n_light, &camera, (10_000, significance), found, &what);
         }
     }
 }

@@ -1,12 +1,12 @@
 //! Cameras that show a part of their view: crops, views off the axis and mirrored pictures.
 
 use glam::Vec3;
-use lumbre_light::math::rng::{pcg4d, unit};
 use lumbre_light::scene::desc::{CameraDesc, CameraKind, ViewWindow};
 use lumbre_light::transport::camera::{Camera, FilterSpec};
 
 use crate::common::{grey, light};
 use crate::render::agreement::{agree_with_bpt, room};
+use crate::render::camera::uniform;
 
 const WHOLE: [u32; 2] = [64, 32];
 
@@ -30,10 +30,6 @@ fn desc(kind: CameraKind, window: [f32; 4]) -> CameraDesc {
     }
 }
 
-fn numbers(i: u32) -> [f32; 4] {
-    pcg4d([i, 5, 88, 99]).map(unit)
-}
-
 #[test]
 fn a_window_shows_the_pixels_of_the_whole() {
     // The second window is mirrored: its columns run to the left.
@@ -47,7 +43,7 @@ fn a_window_shows_the_pixels_of_the_whole() {
         for (window, size, side) in windows {
             let part = Camera::new(&desc(kind, window), size, FilterSpec::PIXEL);
             for i in 0..2000 {
-                let [a, b, c, d] = numbers(i);
+                let [a, b, c, d] = uniform(i, 5);
                 let pixel = [(a * size[0] as f32).floor(), (b * size[1] as f32).floor()];
                 let (u, lens) = ([c, d], [0.5; 2]);
                 let [origin, dir]: [Vec3; 2] = part.ray(pixel, u, lens);

@@ -43,17 +43,13 @@ Ray camera_sample_ray(uvec2 pixel, inout Sampler numbers) {
         return Ray(job.camera_position, normalize_or(through, job.camera_forward));
     }
     vec2 lens = concentric_disk(next_2d(numbers)) * job.lens_radius;
-    vec3 origin = job.camera_position + job.camera_right * lens.x + job.camera_up * lens.y;
+    vec3 origin = camera_plane_point(lens);
     vec3 focus = job.camera_position + through * job.focus_distance;
     return Ray(origin, normalize_or(focus - origin, job.camera_forward));
 }
 
 vec2 camera_lens_offset(vec2 lens_u) {
     return job.lens_radius > 0.0 ? concentric_disk(lens_u) * job.lens_radius : vec2(0.0);
-}
-
-vec3 camera_lens_point(vec2 disk) {
-    return job.camera_position + job.camera_right * disk.x + job.camera_up * disk.y;
 }
 
 // Returns the density per solid angle of a camera ray in the unit direction `dir` over all pixels;
@@ -116,18 +112,18 @@ bool camera_choose_pixel(vec2 raster, vec2 filter_u, inout CameraConnection c) {
 // scene: `Camera::connect` and `Camera::connect_direction`. Visibility is not tested.
 bool camera_connect(bool far, vec3 point, vec2 lens_u, vec2 filter_u, out CameraConnection c) {
     vec2 disk = camera_lens_offset(lens_u);
-    vec3 to = point - camera_lens_point(disk);
+    vec3 to = point - camera_plane_point(disk);
     float distance = far ? INFINITY : length(to);
     vec3 dir = far ? point : to / distance;
     bool parallel = camera_is_parallel() && !far;
     vec2 raster;
     bool ahead = camera_project_direction(disk, dir, raster);
-    c = CameraConnection(uvec2(0u), camera_lens_point(disk), dir, distance, 0.0, 0.0);
+    c = CameraConnection(uvec2(0u), camera_plane_point(disk), dir, distance, 0.0, 0.0);
     if (parallel) {
         vec3 at = camera_project_parallel(point);
         ahead = at.z > 0.0 && is_finite(at);
         raster = camera_raster(vec2(at.x, -at.y));
-        c.lens = camera_film_point(at.xy);
+        c.lens = camera_plane_point(at.xy);
         c.dir = job.camera_forward;
         c.distance = at.z;
     }

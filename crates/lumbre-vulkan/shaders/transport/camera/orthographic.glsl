@@ -10,14 +10,15 @@ bool camera_is_parallel() {
     return job.camera_kind == CAMERA_ORTHOGRAPHIC;
 }
 
-// Returns the point of the film at coordinates in scene units, to the right and upwards.
-vec3 camera_film_point(vec2 at) {
+// Returns the point of the film, or of a lens, at coordinates in scene units, to the right and
+// upwards: `Camera::plane_point`.
+vec3 camera_plane_point(vec2 at) {
     return job.camera_position + job.camera_right * at.x + job.camera_up * at.y;
 }
 
 // Returns a ray through a film position in scene units from the centre, to the right and downwards.
 Ray camera_parallel_ray(vec2 at) {
-    return Ray(camera_film_point(vec2(at.x, -at.y)), job.camera_forward);
+    return Ray(camera_plane_point(vec2(at.x, -at.y)), job.camera_forward);
 }
 
 // Projects a scene point along the viewing direction: film coordinates in scene units, to the right

@@ -5,10 +5,9 @@ use glam::{DAffine3, DVec3};
 
 use super::DEFAULT_FILM;
 use super::tree::XmlObject;
-use crate::scene::desc::{
-    CameraDesc, CameraKind, EntityDesc, MAX_SIDE, VIEW_HEIGHT_RANGE, ViewWindow,
-};
+use crate::scene::desc::{CameraDesc, CameraKind, EntityDesc, MAX_SIDE, VIEW_HEIGHT_RANGE};
 use crate::scene::load::default_scene;
+use crate::scene::load::film::Film;
 use crate::scene::{Note, SceneError};
 
 /// Focal length of cameras that have neither one nor a field of view.
@@ -38,9 +37,9 @@ pub(super) fn read(
             )));
         }
     };
-    let (film_size, cropped) = match o.children("film").next() {
-        None => (DEFAULT_FILM, WHOLE_FILM),
-        Some(film) => (size(film)?, crop(film)?),
+    let film = match o.children("film").next() {
+        None => Film::whole(DEFAULT_FILM),
+        Some(film) => self::film(film)?,
     };
     let map = o.transform("to_world")?;
     let position = map.translation;
@@ -55,15 +54,17 @@ pub(super) fn read(
         up: up.as_vec3(),
         ..CameraDesc::default()
     };
-    let resolution;
-    (resolution, camera.window) = shown(o, film_size, cropped, kind, thin)?;
+    camera.window = film.window(principal_point_offset(o, kind, thin)?);
+    if let Some(problem) = camera.window.problem() {
+        return Err(o.error(problem));
+    }
     if map.matrix3.determinant() < 0.0 {
         camera.window = camera.window.mirrored();
     }
     if kind == CameraKind::Orthographic {
-        camera.view_height = view_height(o, &map, film_size, notes)?;
+        camera.view_height = view_height(o, &map, film.size, notes)?;
     } else {
-        camera.fov_deg = fov(o, film_size)?;
+        camera.fov_deg = fov(o, film.size)?;
     }
     if camera.position == camera.target {
         return Err(o.error("the position is too far from the origin for a view direction"));
@@ -77,49 +78,23 @@ pub(super) fn read(
         o.mark_read(&["focus_distance"]);
     }
     note_clipping(o, &camera, entities, notes)?;
-    Ok((camera, resolution))
+    Ok((camera, film.resolution()))
 }
 
-/// Part of a film that is rendered: offset and size in pixels; `None` is up to the edge.
-type Crop = ([u32; 2], [Option<u32>; 2]);
-
-/// The whole film.
-const WHOLE_FILM: Crop = ([0; 2], [None; 2]);
-
-/// Returns the resolution of the picture and what it shows of the view of the whole film: its crop,
-/// moved by the offset of the principal point, which thin lenses and parallel rays lack.
-fn shown(
+/// Returns the offset of the principal point in sizes of the film, which thin lenses and parallel
+/// rays lack.
+fn principal_point_offset(
     o: &XmlObject,
-    size: [u32; 2],
-    (offset, cropped): Crop,
     kind: CameraKind,
     thin: bool,
-) -> Result<([u32; 2], ViewWindow), SceneError> {
-    let mut resolution = [0; 2];
-    let mut edges = [[0.0; 2]; 2];
-    for (i, key) in ["principal_point_offset_x", "principal_point_offset_y"]
-        .into_iter()
-        .enumerate()
-    {
-        let rest = size[i].saturating_sub(offset[i]);
-        resolution[i] = cropped[i].unwrap_or(rest);
-        if resolution[i] == 0 || resolution[i] > rest {
-            return Err(o.error("the crop of the film is empty or reaches beyond its edges"));
-        }
-        let moved = if kind == CameraKind::Perspective && !thin {
-            o.number(key, 0.0)?
-        } else {
-            0.0
-        };
-        let edge = |pixels: u32| (f64::from(pixels) / f64::from(size[i]) + moved) as f32;
-        edges[i] = [edge(offset[i]), edge(offset[i] + resolution[i])];
+) -> Result<[f64; 2], SceneError> {
+    if kind != CameraKind::Perspective || thin {
+        return Ok([0.0; 2]);
     }
-    let [[left, right], [top, bottom]] = edges;
-    let window = ViewWindow::from_array([left, right, top, bottom]);
-    match window.problem() {
-        Some(problem) => Err(o.error(problem)),
-        None => Ok((resolution, window)),
-    }
+    Ok([
+        o.number("principal_point_offset_x", 0.0)?,
+        o.number("principal_point_offset_y", 0.0)?,
+    ])
 }
 
 /// Notes that Mitsuba cuts off what lies beyond `far_clip`, if anything may. Its camera rays end
@@ -189,29 +164,8 @@ fn lens(o: &XmlObject, camera: &mut CameraDesc) -> Result<(), SceneError> {
     Ok(())
 }
 
-/// Reads the crop of a film.
-fn crop(film: &XmlObject) -> Result<Crop, SceneError> {
-    let pixels = |key: &str, default: f64| {
-        let x = film.number(key, default)?;
-        let whole = x.fract() == 0.0 && (0.0..=f64::from(MAX_SIDE)).contains(&x);
-        whole.then_some(x as u32).ok_or_else(|| {
-            film.error(format!(
-                "`{key}` must be a whole number from 0 to {MAX_SIDE}, found {x}"
-            ))
-        })
-    };
-    let size = |key: &str| match film.property(key) {
-        None => Ok(None),
-        Some(_) => pixels(key, 0.0).map(Some),
-    };
-    Ok((
-        [pixels("crop_offset_x", 0.0)?, pixels("crop_offset_y", 0.0)?],
-        [size("crop_width")?, size("crop_height")?],
-    ))
-}
-
-/// Reads the size of a film in pixels.
-fn size(film: &XmlObject) -> Result<[u32; 2], SceneError> {
+/// Reads the size and the crop of a film.
+fn film(film: &XmlObject) -> Result<Film, SceneError> {
     // Everything else about the film is set by the script.
     film.mark_read(&[
         "file_format",
@@ -224,17 +178,38 @@ fn size(film: &XmlObject) -> Result<[u32; 2], SceneError> {
     ]);
     film.children("rfilter")
         .for_each(|f| f.mark_read(&["radius", "stddev"]));
-    let mut size = DEFAULT_FILM;
-    for (n, key) in size.iter_mut().zip(["width", "height"]) {
-        let x = film.number(key, f64::from(*n))?;
-        if x.fract() != 0.0 || x < 1.0 || x > f64::from(MAX_SIDE) {
-            return Err(film.error(format!(
-                "`{key}` must be a whole number from 1 to {MAX_SIDE}, found {x}"
-            )));
-        }
-        *n = x as u32;
+    let [width, height] = DEFAULT_FILM;
+    let size = [
+        pixels(film, "width", 1, width)?,
+        pixels(film, "height", 1, height)?,
+    ];
+    let offset = [
+        pixels(film, "crop_offset_x", 0, 0)?,
+        pixels(film, "crop_offset_y", 0, 0)?,
+    ];
+    let rest = [0, 1].map(|i| size[i].saturating_sub(offset[i]));
+    let cropped = [
+        pixels(film, "crop_width", 0, rest[0])?,
+        pixels(film, "crop_height", 0, rest[1])?,
+    ];
+    if (0..2).any(|i| cropped[i] == 0 || cropped[i] > rest[i]) {
+        return Err(film.error("the crop of the film is empty or reaches beyond its edges"));
     }
-    Ok(size)
+    Ok(Film {
+        size,
+        pixels: [0, 1].map(|i| [offset[i], offset[i] + cropped[i]]),
+    })
+}
+
+/// Reads a number of pixels of a film, at least `least`.
+fn pixels(film: &XmlObject, key: &str, least: u32, default: u32) -> Result<u32, SceneError> {
+    let x = film.number(key, f64::from(default))?;
+    if x.fract() != 0.0 || x < f64::from(least) || x > f64::from(MAX_SIDE) {
+        return Err(film.error(format!(
+            "`{key}` must be a whole number from {least} to {MAX_SIDE}, found {x}"
+        )));
+    }
+    Ok(x as u32)
 }
 
 /// Returns the vertical field of view in degrees.

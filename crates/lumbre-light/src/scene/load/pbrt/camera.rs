@@ -5,58 +5,36 @@ use glam::{DAffine3, DVec3};
 use super::Version;
 use super::params::Params;
 use super::token::truncated;
-use crate::scene::desc::{CameraDesc, CameraKind, MAX_SIDE, VIEW_HEIGHT_RANGE, ViewWindow};
+use crate::scene::desc::{CameraDesc, CameraKind, MAX_SIDE, VIEW_HEIGHT_RANGE};
+use crate::scene::load::film::Film;
 use crate::scene::{Note, SceneError};
 
 /// Width and height of a film without any.
 const DEFAULT_FILM: [u32; 2] = [1280, 720];
 
-/// Size of a film, and the part of it that is rendered.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Film {
-    /// Width and height of the whole film in pixels.
-    size: [u32; 2],
-    /// First and last column, then row, of the picture, the last exclusive.
-    pixels: [[u32; 2]; 2],
-}
-
-impl Film {
-    /// Returns width and height of the picture of a camera in pixels: that of a spherical one is not
-    /// cropped.
-    pub fn resolution(
-        &self,
-        camera: &CameraDesc,
-        notes: &mut Vec<Note>,
-        at: Option<&Params>,
-    ) -> [u32; 2] {
-        let cropped = self.pixels.map(|[first, end]| end - first);
-        if camera.kind != CameraKind::Spherical || cropped == self.size {
-            return cropped;
-        }
-        notes.extend(at.map(|film| {
-            film.note("a crop of a spherical camera is not supported; the whole is rendered")
-        }));
-        self.size
+/// Returns width and height of the picture of a camera in pixels: that of a spherical one is not
+/// cropped.
+pub(super) fn resolution(
+    film: &Film,
+    camera: &CameraDesc,
+    notes: &mut Vec<Note>,
+    at: Option<&Params>,
+) -> [u32; 2] {
+    let cropped = film.resolution();
+    if camera.kind != CameraKind::Spherical || cropped == film.size {
+        return cropped;
     }
-
-    /// Returns what the picture shows of a view that the film shows moved by `offset`, in sizes of
-    /// the film, to the right and downwards.
-    fn window(&self, offset: [f64; 2]) -> ViewWindow {
-        let edge = |i: usize, k: usize| {
-            (f64::from(self.pixels[i][k]) / f64::from(self.size[i]) + offset[i]) as f32
-        };
-        ViewWindow::from_array([edge(0, 0), edge(0, 1), edge(1, 0), edge(1, 1)])
-    }
+    notes.extend(at.map(|film| {
+        film.note("a crop of a spherical camera is not supported; the whole is rendered")
+    }));
+    film.size
 }
 
 /// Reads the size and the crop of a film.
 pub(super) fn film(film: Option<&Params>) -> Result<Film, SceneError> {
     let mut size = DEFAULT_FILM;
     let Some(film) = film else {
-        return Ok(Film {
-            size,
-            pixels: size.map(|n| [0, n]),
-        });
+        return Ok(Film::whole(size));
     };
     for (n, key) in size.iter_mut().zip(["xresolution", "yresolution"]) {
         *n = film.integer(key, *n, MAX_SIDE)?;

@@ -248,7 +248,7 @@ impl Loader {
                 default_scene::framing_camera(None)
             }
         };
-        let resolution = film.resolution(&camera, &mut self.notes, self.film.as_ref());
+        let resolution = camera::resolution(&film, &camera, &mut self.notes, self.film.as_ref());
         if let Some(film) = &self.film {
             film.note_unread(&mut self.notes);
         }
