@@ -9,6 +9,7 @@ pub mod bench;
 mod benchmark;
 mod cluster;
 mod exit;
+mod figure_files;
 pub mod format;
 pub mod inspect;
 mod json;

@@ -11,6 +11,7 @@ pub mod devices;
 mod exposure;
 pub mod exr;
 mod format;
+pub mod guiding;
 mod latex;
 pub mod layer;
 pub mod lobe;

@@ -7,22 +7,11 @@ use crate::experiment::aa_check::Finding;
 use crate::experiment::noise_floor::net_columns;
 use crate::experiment::plan::{Cell, Plan};
 use crate::experiment::{CellRef, CellResult, Outcome, Point, WaveRow};
+use crate::store::schema::columns::{
+    AA_CHECK, CONTROL_OF, REPEATED, REPEATED_MEANS, SUMMARY_AFTER, SUMMARY_BEFORE, names,
+};
 use crate::text::csv_line;
 use lumbre_light::math::t_test::mean_and_interval;
-
-/// Columns of `summary.csv` before the axes.
-const BEFORE: [&str; 2] = ["cell", "run"];
-/// Columns of `summary.csv` between the axes and the metrics.
-const AFTER: [&str; 8] = [
-    "repeat",
-    "status",
-    "reason",
-    "samples_per_pixel",
-    "render_s",
-    "wall_s",
-    "mpaths_per_s",
-    "invalid_samples",
-];
 
 /// Metrics with additional columns in `summary.csv`, as indices into the plan's metrics.
 struct ReferenceNoise {
@@ -50,23 +39,8 @@ impl ReferenceNoise {
     }
 }
 
-/// Writes `summary.csv`: one line for each cell, in plan order, whether it finished or not.
-///
-/// Columns:
-/// - `cell` (index from 0) and `run` (identity);
-/// - one column for each axis;
-/// - `repeat` (from 0);
-/// - with an A/A check, `control_of`: the repeat that this run duplicates, empty for results;
-/// - `status` (`done`, `cached`, `failed`, `interrupted`, `not reached`) and `reason`;
-/// - of the last wave, `samples_per_pixel`, `render_s`, `wall_s`, `mpaths_per_s` and
-///   `invalid_samples`;
-/// - one column for each metric, by its column name;
-/// - where the noise of a reference is known, `<column>_floor` (the value that a perfect picture
-///   would have) and, where it can be computed, `<column>_net` (the value without the reference's
-///   error).
-///
-/// Values that were not measured are empty. An axis or metric whose name clashes with another
-/// column is called `axis.<name>` or `metric.<name>`.
+/// Writes `summary.csv`: one line for each cell, in plan order, whether it finished or not. The
+/// [schema](crate::store::schema::columns) has the columns. Values that were not measured are empty.
 pub fn csv(plan: &Plan, results: &[CellResult]) -> String {
     let noise = ReferenceNoise::new(plan, results);
     let mut text = csv_line(&header(plan, &noise));
@@ -137,8 +111,9 @@ fn has_doubles(plan: &Plan) -> bool {
 }
 
 fn header(plan: &Plan, noise: &ReferenceNoise) -> Vec<String> {
-    let mut header: Vec<String> = BEFORE.map(str::to_owned).to_vec();
-    let taken = |name: &String| BEFORE.contains(&name.as_str()) || AFTER.contains(&name.as_str());
+    let (before, after) = (names(&SUMMARY_BEFORE), names(&SUMMARY_AFTER));
+    let mut header: Vec<String> = before.map(str::to_owned).to_vec();
+    let taken = |name: &String| before.contains(&name.as_str()) || after.contains(&name.as_str());
     header.extend(plan.axes.iter().map(|a| {
         if taken(a) {
             format!("axis.{a}")
@@ -146,13 +121,13 @@ fn header(plan: &Plan, noise: &ReferenceNoise) -> Vec<String> {
             a.clone()
         }
     }));
-    header.extend(AFTER.map(str::to_owned));
+    header.extend(after.map(str::to_owned));
     if has_doubles(plan) {
         let status = header
             .iter()
             .position(|name| name == "status")
             .unwrap_or(header.len());
-        header.insert(status, "control_of".to_owned());
+        header.insert(status, CONTROL_OF.name.to_owned());
     }
     for metric in &plan.measure.metrics {
         let column = &metric.column;
@@ -208,8 +183,8 @@ pub fn repeats_csv(plan: &Plan, results: &[CellResult]) -> String {
         return String::new();
     }
     let mut header: Vec<String> = plan.axes.clone();
-    header.push("runs".to_owned());
-    let columns = ["samples_per_pixel", "render_s", "mpaths_per_s"].map(str::to_owned);
+    header.push(REPEATED.name.to_owned());
+    let columns = names(&REPEATED_MEANS).map(str::to_owned);
     for column in columns.into_iter().chain(plan.columns()) {
         header.extend(["", "_low", "_high"].map(|end| format!("{column}{end}")));
     }
@@ -247,17 +222,7 @@ fn mean_fields(values: &[f64]) -> [String; 3] {
 
 /// Writes `aa-check.csv`: one line for each [`Finding`] of the A/A check.
 pub fn aa_check_csv(findings: &[Finding]) -> String {
-    let mut text = csv_line(&[
-        "technique",
-        "measure",
-        "pairs",
-        "ratio",
-        "low",
-        "high",
-        "p",
-        "single_pair",
-        "alarm",
-    ]);
+    let mut text = csv_line(&names(&AA_CHECK));
     for finding in findings {
         let optional = |x: Option<f64>| x.map(exact).unwrap_or_default();
         text += &csv_line(&[

@@ -17,7 +17,7 @@ use lumbre_light::scene::compile::{
 };
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::transport::integrator::{INTEGRATORS, integrator};
-use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL};
+use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL, sampler};
 use lumbre_render::cpu::renderer::CpuRenderer;
 use lumbre_render::{Job, Renderer};
 use lumbre_vulkan::context::device::Device;
@@ -214,10 +214,10 @@ fn every_material_light_camera_and_filter_gives_the_light_of_the_cpu_at_every_de
             let (kind, radius) = filters[i % filters.len()];
             let filter = FilterSpec { kind, radius };
             // Each integrator has one pipeline: only data differs between kinds of light.
-            let sampler = if row.name == "bdpt" {
-                SOBOL
-            } else {
-                INDEPENDENT
+            let sampler = match row.name {
+                "bdpt" => SOBOL,
+                "nee" => sampler("zsobol4").unwrap(),
+                _ => INDEPENDENT,
             };
             let plain = technique_job(row.name, 20 + i as u64);
             let job = Job {

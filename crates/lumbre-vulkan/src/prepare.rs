@@ -13,6 +13,7 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{MAX_FLATTENED_PRIMITIVES, Material, NONE};
 use lumbre_light::transport::integrator::settings::has_uniform_directions;
 use lumbre_light::transport::light::LightSelection;
+use lumbre_light::transport::sampler::Sequence;
 use lumbre_render::Job;
 
 /// Returns the scene as the device can render it: flattened if it has instances and the device no
@@ -99,7 +100,11 @@ pub fn specialization(
     let only_surfaces =
         scene.points.is_empty() && scene.directionals.is_empty() && scene.environment.is_none();
     Specialization {
-        sampler_kind: u32::from(job.sampler.name == "sobol"),
+        sampler_kind: match job.sampler.sequence {
+            Sequence::Independent => 0,
+            Sequence::Sobol => 1,
+            Sequence::Zsobol { block } => 2 + block.ilog2(),
+        },
         models: upload::models(scene),
         max_depth: if stores_vertices {
             job.max_depth.max(1).next_multiple_of(DEPTH_STEP)

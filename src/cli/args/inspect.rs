@@ -80,6 +80,15 @@ pub struct ShowArgs {
     /// `latest` is the last run to start or end. Example: `"depth=5 technique=nee rep=0"`
     #[arg(default_value = "latest")]
     pub run: String,
+    /// Train the tree of a guided run again, and draw it where the camera sees this pixel.
+    ///
+    /// The figure has the regions of the tree, and the density of directions in the region of the
+    /// first surface in the middle of the pixel.
+    #[arg(long, value_name = "X,Y", value_parser = crate::cli::scene::trace::pixel)]
+    pub tree: Option<[u32; 2]>,
+    /// With `--tree`, write TO.svg and TO.png [default: tree-RUN].
+    #[arg(short = 'o', long = "to", value_name = "TO", requires = "tree")]
+    pub to: Option<PathBuf>,
     /// Print as JSON.
     #[arg(long)]
     pub json: bool,

@@ -6,6 +6,7 @@ use std::path::Path;
 use clap::ValueEnum;
 use serde_json::{Value as Json, json};
 
+use super::guiding;
 use crate::cli::args::{Global, LsArgs, ShowArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{self, counted, display_path};
@@ -202,7 +203,9 @@ pub fn show(args: &ShowArgs, global: &Global) -> Result<Exit, Failure> {
             display_path(&run.folder)
         ));
     }
-    if args.json {
+    if let Some(pixel) = args.tree {
+        guiding::show(args, global, &run, pixel)?;
+    } else if args.json {
         json::print(run_json(&run))?;
     } else {
         print_result(&run_page(&run))?;

@@ -1,17 +1,16 @@
 //! `lumbre bsdf`: figures of the lobe of a material, and of its samples beside their density.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use glam::{Vec2, Vec3};
 use serde_json::{Value as Json, json};
 
 use crate::cli::args::{BsdfArgs, Global, unknown_name};
-use crate::cli::exit::{Exit, Failure, print_result, print_status};
-use crate::cli::format::{display_path, rounded};
+use crate::cli::exit::{Exit, Failure, print_result};
+use crate::cli::figure_files;
+use crate::cli::format::rounded;
 use crate::output::lobe::{LobeFigure, draw};
-use crate::output::plot::rasterize;
 use crate::script;
-use crate::store;
 use lumbre_light::math::Frame;
 use lumbre_light::scene::compile::{Material, NONE, Uv};
 use lumbre_light::scene::{CompiledScene, compile, edit};
@@ -75,7 +74,7 @@ pub fn main(args: &BsdfArgs, global: &Global) -> Result<Exit, Failure> {
         delays: &found.delays,
     })
     .map_err(Failure::internal)?;
-    let files = write(&stem(args), &svg)?;
+    let files = figure_files::write(&stem(args), &svg)?;
     let text = if args.json {
         format!("{:#}\n", report(args, &found, &files))
     } else {
@@ -83,8 +82,7 @@ pub fn main(args: &BsdfArgs, global: &Global) -> Result<Exit, Failure> {
     };
     print_result(&text)?;
     if !global.quiet {
-        let shown: Vec<String> = files.iter().map(|file| display_path(file)).collect();
-        print_status(&format!("wrote {}", shown.join(" and ")));
+        figure_files::print(&files);
     }
     Ok(if found.disagrees() {
         Exit::NotVerified
@@ -166,21 +164,6 @@ fn stem(args: &BsdfArgs) -> PathBuf {
             args.material.chars().map(safe).collect::<String>()
         ))
     })
-}
-
-/// Writes the figure as SVG and PNG; returns the paths of the files.
-fn write(stem: &Path, svg: &str) -> Result<[PathBuf; 2], Failure> {
-    let png = rasterize(svg).map_err(Failure::internal)?;
-    let file = |extension: &str| {
-        let mut name = stem.as_os_str().to_owned();
-        name.push(extension);
-        PathBuf::from(name)
-    };
-    let files = [file(".svg"), file(".png")];
-    for (file, bytes) in files.iter().zip([svg.as_bytes(), &png]) {
-        store::write_atomically(file, bytes).map_err(Failure::usage)?;
-    }
-    Ok(files)
 }
 
 /// Formats what was found for people.

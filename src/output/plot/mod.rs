@@ -34,6 +34,7 @@ use super::report::series::BIASED;
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::{FigureKind, FigureSpec};
 use crate::experiment::{CellRef, CellResult, WaveRow};
+use crate::store::schema::columns::{FIGURE, names};
 use axis::{Axis, Scale};
 use figure::{Figure, Line, Panel, SeriesEntry, covered};
 use grouping::{axis_pairs, group_axes};
@@ -379,7 +380,7 @@ fn set_axes(panels: &mut [MetricPanel], scales: &[Scale], x_axis: impl Fn(&[f64]
 
 fn csv_header(plan: &Plan) -> Vec<String> {
     let mut header = plan.axes.clone();
-    header.extend(["metric", "x", "mean", "low", "high", "runs"].map(str::to_owned));
+    header.extend(names(&FIGURE).map(str::to_owned));
     header
 }
 

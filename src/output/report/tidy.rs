@@ -6,6 +6,10 @@ use super::study::{Member, Study};
 use crate::experiment::night_results::RunState;
 use crate::output::format::exact;
 use crate::output::provenance::Provenance;
+use crate::store::schema::columns::{
+    Column, DATA_ACCEL, DATA_AFTER, DATA_BEFORE, DATA_COLUMNS, DATA_COUNTS, DATA_STATE, DATA_WAVE,
+    names,
+};
 use crate::text::PROGRAM;
 use crate::text::csv_line;
 
@@ -50,12 +54,10 @@ pub fn all(study: &Study) -> Vec<ReportItem> {
     ]
 }
 
-const KEYS: [&str; 4] = ["program", "night", "plan", "run"];
-
 fn header(axes: &[String], rest: &[String]) -> String {
-    let mut header: Vec<String> = KEYS.map(str::to_owned).to_vec();
+    let mut header: Vec<String> = names(&DATA_BEFORE).map(str::to_owned).to_vec();
     header.extend(axes.iter().map(|axis| format!("axis.{axis}")));
-    header.extend(["repeat", "seed", "integrator", "scene", "device"].map(str::to_owned));
+    header.extend(names(&DATA_AFTER).map(str::to_owned));
     header.extend_from_slice(rest);
     csv_line(&header)
 }
@@ -81,10 +83,6 @@ fn keys(m: &Member, axes: &[String]) -> Vec<String> {
     fields
 }
 
-fn counts() -> [String; 5] {
-    ["samples_per_pixel", "render_s", "wall_s", "paths", "rays"].map(str::to_owned)
-}
-
 fn values(m: &Member, row: &crate::experiment::WaveRow, metrics: usize) -> Vec<String> {
     let mut fields = vec![
         row.samples.to_string(),
@@ -101,10 +99,10 @@ fn metric_names(study: &Study) -> impl Iterator<Item = String> {
 }
 
 fn runs(study: &Study, axes: &[String]) -> String {
-    let mut rest = vec!["state".to_owned(), "reason".to_owned()];
-    rest.extend(counts());
+    let mut rest = names(&DATA_STATE).map(str::to_owned).to_vec();
+    rest.extend(names(&DATA_COUNTS).map(str::to_owned));
     rest.extend(metric_names(study));
-    rest.extend(["accel_build_s", "accel_nodes", "accel_bytes", "accel_cost"].map(str::to_owned));
+    rest.extend(names(&DATA_ACCEL).map(str::to_owned));
     let mut text = header(axes, &rest);
     for m in study.all() {
         let mut fields = keys(&m, axes);
@@ -118,7 +116,7 @@ fn runs(study: &Study, axes: &[String]) -> String {
         match m.run.rows.last() {
             Some(row) => fields.extend(values(&m, row, study.metrics.len())),
             None => fields.resize(
-                fields.len() + counts().len() + study.metrics.len(),
+                fields.len() + DATA_COUNTS.len() + study.metrics.len(),
                 String::new(),
             ),
         }
@@ -137,8 +135,8 @@ fn runs(study: &Study, axes: &[String]) -> String {
 }
 
 fn waves(study: &Study, axes: &[String]) -> String {
-    let mut rest = vec!["wave".to_owned()];
-    rest.extend(counts());
+    let mut rest = names(&DATA_WAVE).map(str::to_owned).to_vec();
+    rest.extend(names(&DATA_COUNTS).map(str::to_owned));
     rest.extend(metric_names(study));
     let mut text = header(axes, &rest);
     for m in study.all() {
@@ -153,72 +151,20 @@ fn waves(study: &Study, axes: &[String]) -> String {
     text
 }
 
-/// Describes the columns before those of the axes, as name, unit and meaning.
-const PLAN_COLUMNS: [[&str; 3]; 4] = [
-    ["program", "", "program that wrote the file"],
-    ["night", "", "name of the experiment"],
-    ["plan", "", "hash of the plan"],
-    ["run", "", "identity of the run and name of its folder"],
-];
-
-/// Describes the columns between those of the axes and those of the metrics.
-const RUN_COLUMNS: [[&str; 3]; 13] = [
-    ["repeat", "", "number of the repeat, from 0"],
-    ["seed", "", "seed of all random numbers of the run"],
-    ["integrator", "", "technique"],
-    ["scene", "", "scene as written in the script"],
-    [
-        "device",
-        "",
-        "device that rendered the run; empty if the run has not finished",
-    ],
-    ["state", "", "done, unfinished or pending"],
-    ["reason", "", "part of the stop rule that ended the run"],
-    ["wave", "", "number of the measurement, from 1"],
-    ["samples_per_pixel", "1", "samples per pixel so far"],
-    [
-        "render_s",
-        "s",
-        "seconds inside the renderer so far; all comparisons use this time",
-    ],
-    [
-        "wall_s",
-        "s",
-        "seconds since the start of the run, including everything",
-    ],
-    ["paths", "1", "camera paths so far"],
-    ["rays", "1", "rays so far"],
-];
-
-/// Describes the columns of acceleration structures.
-const ACCEL_COLUMNS: [[&str; 3]; 4] = [
-    [
-        "accel_build_s",
-        "s",
-        "seconds spent building acceleration structures, before the first sample",
-    ],
-    ["accel_nodes", "1", "nodes of the acceleration structures"],
-    [
-        "accel_bytes",
-        "B",
-        "size of the acceleration structures with their primitives; 0 or empty if unknown",
-    ],
-    [
-        "accel_cost",
-        "1",
-        "expected number of nodes and primitives tested by a ray (surface area heuristic); 0 or \
-         empty if unknown",
-    ],
-];
+/// Returns the lines of `columns.csv` that describe columns.
+fn describe<'a>(columns: impl IntoIterator<Item = &'a Column>) -> String {
+    let line = |column: &Column| csv_line(&[column.name, column.unit, column.doc]);
+    columns.into_iter().map(line).collect()
+}
 
 fn columns(study: &Study, axes: &[String]) -> String {
-    let mut text = csv_line(&["column", "unit", "meaning"]);
-    text.extend(PLAN_COLUMNS.iter().map(|row| csv_line(row)));
+    let mut text = csv_line(&names(&DATA_COLUMNS)) + &describe(&DATA_BEFORE);
     for axis in axes {
         let name = format!("axis.{axis}");
         text += &csv_line(&[name.as_str(), "", "value of the axis of the sweep"]);
     }
-    text.extend(RUN_COLUMNS.iter().map(|row| csv_line(row)));
+    let of_runs: [&[Column]; 4] = [&DATA_AFTER, &DATA_STATE, &DATA_WAVE, &DATA_COUNTS];
+    text += &describe(of_runs.concat().iter());
     for metric in &study.metrics {
         let options = metric.describe_options();
         let options = if options.is_empty() {
@@ -232,6 +178,5 @@ fn columns(study: &Study, axes: &[String]) -> String {
             format!("{}{options}", metric.row.doc),
         ]);
     }
-    text.extend(ACCEL_COLUMNS.iter().map(|row| csv_line(row)));
-    text
+    text + &describe(&DATA_ACCEL)
 }

@@ -3,30 +3,15 @@
 use super::Table;
 use crate::output::format::exact;
 use crate::output::quantity::Bound;
+use crate::store::schema::columns::{TABLE, names};
 use crate::text::csv_line;
 
 impl Table {
-    /// Formats the table as CSV in full precision, with one line for each cell: labels, group,
-    /// column, value, ends of the interval, kind of bound, whether it is the best, whether it is at
-    /// the noise floor, number of runs, unit, and identities of the runs. Missing values are empty.
+    /// Formats the table as CSV in full precision, with one line for each cell: the labels, and the
+    /// columns of [`TABLE`]. Missing values are empty.
     pub fn to_long_csv(&self) -> String {
         let mut header = self.label_headers.clone();
-        header.extend(
-            [
-                "group",
-                "column",
-                "value",
-                "ci95_low",
-                "ci95_high",
-                "bound",
-                "best",
-                "at_floor",
-                "runs",
-                "unit",
-                "run_ids",
-            ]
-            .map(str::to_owned),
-        );
+        header.extend(names(&TABLE).map(str::to_owned));
         let mut text = csv_line(&header);
         let groups: Vec<&String> = self.column_groups().collect();
         for (labels, cells) in &self.rows {

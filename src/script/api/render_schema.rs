@@ -287,7 +287,9 @@ pub const RENDER: Table = Table {
             required: false,
             default: "independent",
             doc: "source of sample numbers: `independent` is uniform random, `sobol` \
-                  low-discrepancy, for which standard errors are mostly too large",
+                  low-discrepancy in each pixel, `zsobol16` over neighbouring pixels together in \
+                  blocks of 16 samples, so that their errors cancel; except for `independent`, \
+                  standard errors are mostly too large",
         },
         Field {
             key: "camera",

@@ -1,14 +1,14 @@
 //! Every file of the output folder that holds records: one structure for each, with its name, its
-//! version, and the meaning and unit of every field. All readers and writers use these structures.
+//! version, and the meaning and unit of every field; and the [`columns`] of every CSV file. All readers and writers use these structures.
 //!
 //! A file begins with `version`, the version of its own format, and `program`, the program that
 //! wrote it. A file of another version is refused with the program that wrote it
 //! ([`Problem::OtherVersion`]), and so is a file with an unknown, missing or mistyped field
 //! ([`Problem::Damaged`]); nothing is guessed. A change of a structure changes its version.
 //!
-//! Pictures, tables and figures are described by their writers in [`crate::output`], and
-//! measurements in [`metrics_csv`](super::write::metrics_csv).
+//! Pictures, tables and figures are described by their writers in [`crate::output`].
 
+pub mod columns;
 pub mod journal;
 pub mod plan;
 pub mod process;

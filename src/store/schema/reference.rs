@@ -1,6 +1,7 @@
 //! Reference page of files, generated from the structures of the schema.
 
 use super::RecordRow;
+use super::columns::{CSV_FILES, CsvFile};
 use super::journal::{
     FORECAST, MessageRecord, NightStart, RunEnd, RunStart, ShardEnd, ShardRecord, ShardStart,
     WaveRecord,
@@ -138,6 +139,24 @@ pub fn reference() -> String {
             listed.push(record.name);
             out += &record_section(&record);
         }
+    }
+    out += "\n## Columns of CSV files\n";
+    for file in CSV_FILES {
+        out += &csv_section(file);
+    }
+    out
+}
+
+/// Returns the description of a CSV file and the table of its columns.
+fn csv_section(file: &CsvFile) -> String {
+    let mut out = format!("\n### {}\n\n{}\n\n", file.name, file.doc);
+    out += &table_head(["column", "unit", "meaning"]);
+    for column in file.columns.iter().copied().flatten() {
+        out += &row([
+            &format!("`{}`", column.name),
+            column.unit,
+            &sentence(column.doc),
+        ]);
     }
     out
 }

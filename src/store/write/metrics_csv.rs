@@ -1,33 +1,21 @@
 //! `metrics.csv`: one line per wave, with floats in the shortest form that reads back to the same
 //! bits.
 //!
-//! The columns are `wave,samples,render_s,wall_s,measure_s,paths,rays,invalid` and the plan's
-//! metrics. Samples are per pixel, `_s` columns are seconds, the rest are counts; all values are
-//! cumulative. Infinities and NaN are written as `inf`, `-inf` and `NaN`.
+//! The columns are those of [`MEASUREMENT`] and the plan's metrics; all values are cumulative.
+//! Infinities and NaN are written as `inf`, `-inf` and `NaN`.
 
 use std::fmt::Write;
 
 use crate::experiment::WaveRow;
+use crate::store::schema::columns::{MEASUREMENT, names};
 use crate::text::{csv_field, csv_fields};
 
 /// Name of the file in a run's folder.
 pub const FILE: &str = "metrics.csv";
 
-/// Names of the columns before the metrics.
-pub const FIXED: [&str; 8] = [
-    "wave",
-    "samples",
-    "render_s",
-    "wall_s",
-    "measure_s",
-    "paths",
-    "rays",
-    "invalid",
-];
-
 /// Formats the header line, with its newline.
 pub fn header<'a>(metrics: impl IntoIterator<Item = &'a str>) -> String {
-    let mut line = FIXED.join(",");
+    let mut line = names(&MEASUREMENT).join(",");
     for column in metrics {
         line.push(',');
         // A line is a record, so names have no line breaks.
@@ -67,22 +55,23 @@ pub fn parse(text: &str) -> Result<(Vec<String>, Vec<WaveRow>), String> {
     let complete = &text[..text.rfind('\n').map_or(0, |end| end + 1)];
     let mut lines = complete.lines();
     let columns = csv_fields(lines.next().ok_or("the file is empty")?);
-    if columns.len() < FIXED.len()
+    let fixed = names(&MEASUREMENT);
+    if columns.len() < fixed.len()
         || columns
             .iter()
-            .zip(FIXED)
+            .zip(fixed)
             .any(|(found, expected)| found != expected)
     {
         return Err(format!(
             "line 1: expected a header that starts with {}",
-            FIXED.join(",")
+            fixed.join(",")
         ));
     }
     let rows = lines.enumerate().map(|(i, line)| {
         parse_row(line, columns.len()).map_err(|problem| format!("line {}: {problem}", i + 2))
     });
     let rows = rows.collect::<Result<_, _>>()?;
-    Ok((columns[FIXED.len()..].to_vec(), rows))
+    Ok((columns[fixed.len()..].to_vec(), rows))
 }
 
 /// Parses further lines of a file whose header was read before. Skips lines that are no rows.
@@ -98,14 +87,17 @@ fn parse_row(line: &str, width: usize) -> Result<WaveRow, String> {
         return Err(format!("expected {width} values, found {}", cells.len()));
     }
     let count = |i: usize| {
-        cells[i]
-            .parse::<u64>()
-            .map_err(|_| format!("`{}` in column {} is not a count", cells[i], FIXED[i]))
+        cells[i].parse::<u64>().map_err(|_| {
+            format!(
+                "`{}` in column {} is not a count",
+                cells[i], MEASUREMENT[i].name
+            )
+        })
     };
-    if width < FIXED.len() {
+    if width < MEASUREMENT.len() {
         return Err(format!(
             "expected at least {} values, found {width}",
-            FIXED.len()
+            MEASUREMENT.len()
         ));
     }
     let number = |i: usize| {
@@ -123,7 +115,9 @@ fn parse_row(line: &str, width: usize) -> Result<WaveRow, String> {
         rays: count(6)?,
         invalid: count(7)?,
         first_invalid: None,
-        metrics: (FIXED.len()..width).map(number).collect::<Result<_, _>>()?,
+        metrics: (MEASUREMENT.len()..width)
+            .map(number)
+            .collect::<Result<_, _>>()?,
     })
 }
 

@@ -7,7 +7,7 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_light::transport::light::Lights;
 use lumbre_light::transport::mis::Heuristic;
 use lumbre_light::transport::ray::offset_origin;
-use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL};
+use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL, sampler};
 use lumbre_light::transport::vertex::area_factor;
 
 use super::{CLOSE, RandomInputs, SAME};
@@ -118,7 +118,7 @@ pub const MATH: Twin = Twin {
 
 const SEEDS: [[u32; 2]; 3] = [[7, 0], [0, 256], [0xffff_ffff, 0x8000_0001]];
 
-/// Both samplers, independent and Sobol.
+/// All samplers.
 pub const SAMPLER: Twin = Twin {
     name: "sampler",
     kernel: kernel!(Generation "sampler.rgen"),
@@ -145,11 +145,15 @@ pub const SAMPLER: Twin = Twin {
         let (seed, pixel, index) = (wide(0), [words[2], words[3]], wide(4));
         let mut independent = INDEPENDENT.start(seed, pixel, index);
         let mut sobol = SOBOL.start(seed, pixel, index);
+        let zsobol = sampler("zsobol16").unwrap();
+        let mut zsobol = zsobol.start(seed, pixel, index);
         for i in 0..14 {
             if i % 7 == 1 || i % 7 > 4 {
                 row.push_floats(sobol.next_2d());
+                row.push_floats(zsobol.next_2d());
             } else {
                 row.push_floats([sobol.next_1d()]);
+                row.push_floats([zsobol.next_1d()]);
             }
             row.push_floats([independent.next_1d()]);
         }
@@ -157,7 +161,7 @@ pub const SAMPLER: Twin = Twin {
         row.push_floats([either.next_1d()]);
         row.push_floats(either.next_2d());
     },
-    near: &[SAME; 37],
+    near: &[SAME; 57],
     max_outliers: 0.0,
     why: "all steps use integers except the last, which is exact",
 };

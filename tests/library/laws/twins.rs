@@ -237,6 +237,10 @@ const HOST: &[(&str, &str)] = &[
         "tests",
     ),
     (
+        "crates/lumbre-light/src/transport/sampler/zsobol_tests.rs",
+        "tests",
+    ),
+    (
         "crates/lumbre-light/src/transport/time_settings.rs",
         "parses script tables",
     ),

@@ -239,3 +239,64 @@ fn a_benchmark_is_one_file_and_files_of_machines_are_compared() {
         ended.stderr
     );
 }
+
+#[test]
+fn the_tree_of_a_guided_run_is_drawn() {
+    let place = Workplace::new();
+    let script = r#"
+local x = experiment("tree", { seed = 3 })
+x:axis("technique", { "guided", "nee" })
+x:render(function(p)
+  local training = nil
+  if p.technique == "guided" then training = 64 end
+  return { scene = "scenes/door_ajar.lua", view = "room", integrator = p.technique, max_depth = 5,
+    resolution = { 32, 18 }, training = training, backend = "cpu" }
+end)
+x:stop(function() return stop.samples(1) end)
+return x
+"#;
+    place.write("tree.lua", script);
+    let (file, out, to) = (
+        place.path("tree.lua"),
+        place.path("out"),
+        place.path("tree"),
+    );
+    let [file, out, to] = [&file, &out, &to].map(|path| path.to_str().unwrap());
+    let ended = run(&place, &["run", file, "--out", out, "-q"]);
+    assert_eq!(ended.status, 0, "{}", ended.stderr);
+    let show = |run_name: &str, more: &[&str]| {
+        let base = ["show", run_name, "--out", out, "--to", to, "--tree"];
+        run(&place, &[&base, more].concat())
+    };
+    let ended = show("technique=guided", &["16,9", "--json"]);
+    assert_eq!(ended.status, 0, "{}", ended.stderr);
+    let json: Json = serde_json::from_str(&ended.stdout).unwrap();
+    assert!(json["guiding_regions"].as_u64().unwrap() > 1, "{json}");
+    let density = &json["density"];
+    let cells = density["rows"].as_f64().unwrap() * density["columns"].as_f64().unwrap();
+    let values = density["per_steradian"].as_array().unwrap().iter();
+    let sum: f64 = values.map(|value| value.as_f64().unwrap()).sum();
+    let mass = sum * 4.0 * std::f64::consts::PI / cells;
+    assert!((mass - 1.0).abs() < 0.02, "{mass}");
+    let svg = std::fs::read_to_string(place.path("tree.svg")).unwrap();
+    assert!(svg.starts_with("<svg") && svg.contains("times a uniform density"));
+    assert!(image::open(place.path("tree.png")).unwrap().width() > 700);
+    let ended = show("technique=guided", &["0,0"]);
+    assert!(
+        ended.status == 0 && ended.stdout.contains("trained by"),
+        "{} {}",
+        ended.stdout,
+        ended.stderr
+    );
+    for (name, pixel, expected) in [
+        ("technique=nee", "1,1", "`nee` has no tree"),
+        ("technique=guided", "32,1", "32 x 18 pixels"),
+    ] {
+        let ended = show(name, &[pixel]);
+        assert!(
+            ended.status == 2 && ended.stderr.contains(expected),
+            "{}",
+            ended.stderr
+        );
+    }
+}

@@ -192,9 +192,9 @@ impl Film {
     /// Returns the estimated variance of each pixel's mean: sample variance divided by `samples`.
     /// Zero with fewer than two samples.
     ///
-    /// The estimate assumes independent samples. Samples of the sampler `sobol` are stratified: the
-    /// true variance of their mean is mostly smaller, and up to about twice as large where light
-    /// depends on a product of two random decisions.
+    /// The estimate assumes independent samples. Those of the samplers `sobol` and `zsobol16` are
+    /// stratified: the true variance of their mean is mostly smaller, and up to about twice as large
+    /// where light depends on a product of two random decisions.
     pub fn variance_of_mean(&self) -> Image {
         let n = self.samples as f64;
         let pixel = |(s, q): (&[f64; 3], &[f64; 3])| {

@@ -145,6 +145,7 @@ pub const CONSTANTS: &[(&str, u32)] = &[
     ("MIS_UNIFORM", 2),
     ("SAMPLER_INDEPENDENT", 0),
     ("SAMPLER_SOBOL", 1),
+    ("SAMPLER_ZSOBOL", 2),
     ("DELAY_NONE", 0),
     ("DELAY_CONSTANT", 1),
     ("DELAY_EXPONENTIAL", 2),

@@ -50,7 +50,7 @@ macro_rules! specialization {
 }
 
 specialization! {
-    /// SAMPLER_INDEPENDENT or SAMPLER_SOBOL.
+    /// SAMPLER_INDEPENDENT, SAMPLER_SOBOL, or SAMPLER_ZSOBOL plus the binary logarithm of a block.
     sampler_kind: "SAMPLER_KIND" "uint" false = 0,
     /// Bit mask of the material models of the scene.
     models: "MODELS" "uint" false = 31,

@@ -88,6 +88,7 @@ embed![
     "transport/sampler/independent.glsl",
     "transport/sampler/mod.glsl",
     "transport/sampler/sobol.glsl",
+    "transport/sampler/zsobol.glsl",
     "transport/surface.glsl",
     "transport/vertex.glsl",
 ];

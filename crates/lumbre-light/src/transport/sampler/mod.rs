@@ -3,10 +3,11 @@
 //! A sampler holds the numbers of one sample of one pixel. An integrator takes them in the order in
 //! which it needs them. Numbers that one event needs together are best taken one after the other,
 //! single ones first and the pair last, such as "lobe, then direction": Sobol's sequence then stratifies
-//! all three together over the samples of the pixel.
+//! all three together over the samples of the pixel, or of the pixel and its neighbours.
 
 pub mod independent;
 mod sobol;
+mod zsobol;
 
 use crate::math::real::{Real, Word};
 use crate::math::rng::pcg4d;
@@ -29,6 +30,12 @@ pub enum Sequence {
     Independent,
     /// Numbers stratified over the samples of a pixel.
     Sobol,
+    /// Numbers stratified over the samples of neighbouring pixels, as many of each as a block has: a
+    /// power of two up to [`LARGEST_BLOCK`](zsobol::LARGEST_BLOCK).
+    Zsobol {
+        /// Number of samples of a pixel in a block.
+        block: u32,
+    },
 }
 
 impl Sampler {
@@ -62,6 +69,7 @@ impl<R: Real> Sampler<R> {
                 R::Word::splat(0),
             ),
             Sequence::Sobol => (sobol::key(seed, pixel, high), low.reverse_bits()),
+            Sequence::Zsobol { block } => zsobol::start(seed, block, pixel, sample),
         };
         Sampler::resume(sequence, key, index, R::Word::splat(0))
     }
@@ -112,7 +120,9 @@ impl<R: Real> Sampler<R> {
                 self.taken = self.taken.add(R::Word::splat(1));
                 number
             }
-            Sequence::Sobol => sobol::next_one(self.key, self.index, &mut self.taken),
+            Sequence::Sobol | Sequence::Zsobol { .. } => {
+                sobol::next_one(self.key, self.index, &mut self.taken)
+            }
         }
     }
 
@@ -125,7 +135,9 @@ impl<R: Real> Sampler<R> {
                 self.taken = self.taken.add(R::Word::splat(2));
                 numbers
             }
-            Sequence::Sobol => sobol::next_two(self.key, self.index, &mut self.taken),
+            Sequence::Sobol | Sequence::Zsobol { .. } => {
+                sobol::next_two(self.key, self.index, &mut self.taken)
+            }
         }
     }
 
@@ -138,7 +150,9 @@ impl<R: Real> Sampler<R> {
                 self.taken = self.taken.add(R::Word::splat(3));
                 numbers
             }
-            Sequence::Sobol => sobol::next_three(self.key, self.index, &mut self.taken),
+            Sequence::Sobol | Sequence::Zsobol { .. } => {
+                sobol::next_three(self.key, self.index, &mut self.taken)
+            }
         }
     }
 
@@ -167,7 +181,7 @@ impl<R: Real> Sampler<R> {
     pub fn auxiliary_after(&self, taken: R::Word) -> Sampler<R> {
         let [a, b, c, d] = match self.sequence {
             Sequence::Independent => self.key,
-            Sequence::Sobol => {
+            Sequence::Sobol | Sequence::Zsobol { .. } => {
                 let [a, b, c, d] = self.key;
                 pcg4d([a, b, c.xor(self.index), d])
             }
@@ -232,7 +246,24 @@ pub const SAMPLERS: &[SamplerRow] = &[
               independent, so they are mostly too large.",
         sequence: Sequence::Sobol,
     },
+    zsobol_row("zsobol1", 1),
+    zsobol_row("zsobol4", 4),
+    zsobol_row("zsobol16", 16),
+    zsobol_row("zsobol64", 64),
 ];
+
+/// Returns the sampler of one Owen-scrambled Sobol sequence over all pixels, in blocks.
+const fn zsobol_row(name: &'static str, block: u32) -> SamplerRow {
+    assert!(block.is_power_of_two() && block <= zsobol::LARGEST_BLOCK);
+    SamplerRow {
+        name,
+        revision: 1,
+        doc: "One Owen-scrambled Sobol sequence over all pixels in Morton order [Ahmed & Wonka 2020], \
+              for pictures of as many samples as its name ends with: errors of neighbouring pixels \
+              cancel, so an eye or a filter sees less of them. Standard errors are mostly too large.",
+        sequence: Sequence::Zsobol { block },
+    }
+}
 
 /// Names of the samplers, in the order of [`SAMPLERS`].
 pub const SAMPLER_NAMES: [&str; SAMPLERS.len()] = {

@@ -256,4 +256,4 @@ fn dimension_1<W: Word>(index: W) -> W {
 
 #[cfg(test)]
 #[path = "sobol_tests.rs"]
-mod tests;
+pub mod tests;

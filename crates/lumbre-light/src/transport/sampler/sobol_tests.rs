@@ -1,11 +1,14 @@
 use super::*;
 use crate::math::stats::{chi_square_p, normal_two_sided_p, sidak};
-use crate::transport::sampler::{Sampler, SamplerRow};
+use crate::transport::sampler::{INDEPENDENT, SOBOL, Sampler, SamplerRow};
+
+/// Pairs and single numbers of an imaginary path.
+pub type Numbers = (Vec<[f32; 2]>, Vec<f32>);
 
 /// Returns the numbers of an imaginary path: lens, then "choice, direction" repeatedly, with
 /// roulette in between.
-fn path(seed: u64, pixel: [u32; 2], sample: u64) -> (Vec<[f32; 2]>, Vec<f32>) {
-    let mut s = Sampler::sobol(seed, pixel, sample);
+pub fn numbers_of(sampler: &SamplerRow, seed: u64, pixel: [u32; 2], sample: u64) -> Numbers {
+    let mut s = sampler.start(seed, pixel, sample);
     let mut pairs = vec![s.next_2d(), s.next_2d()];
     let mut singles = Vec::new();
     for i in 0..6 {
@@ -16,6 +19,42 @@ fn path(seed: u64, pixel: [u32; 2], sample: u64) -> (Vec<[f32; 2]>, Vec<f32>) {
         pairs.push(s.next_2d());
     }
     (pairs, singles)
+}
+
+fn path(seed: u64, pixel: [u32; 2], sample: u64) -> Numbers {
+    numbers_of(SOBOL, seed, pixel, sample)
+}
+
+/// Checks that every pair of these paths, a power of two, has one point in each elementary
+/// rectangle, and every single number one in each interval.
+pub fn assert_stratified(paths: &[Numbers]) {
+    let n = paths.len();
+    let bits = n.ilog2();
+    for pair in 0..8 {
+        for wide in 0..=bits {
+            let tall = bits - wide;
+            let mut seen = vec![false; n];
+            for (pairs, _) in paths {
+                let [x, y] = pairs[pair];
+                let cell = (((x * (1 << wide) as f32) as usize) << tall)
+                    | (y * (1 << tall) as f32) as usize;
+                assert!(
+                    !std::mem::replace(&mut seen[cell], true),
+                    "pair {pair}, {n} samples, {wide} x {tall}"
+                );
+            }
+        }
+    }
+    for single in 0..9 {
+        let mut seen = vec![false; n];
+        for (_, singles) in paths {
+            let cell = (singles[single] * n as f32) as usize;
+            assert!(
+                !std::mem::replace(&mut seen[cell], true),
+                "single {single}, {n} samples"
+            );
+        }
+    }
 }
 
 #[test]
@@ -72,31 +111,7 @@ fn every_pair_and_every_single_number_is_stratified_for_every_power_of_two() {
             let paths: Vec<_> = (0..n as u64)
                 .map(|i| path(seed, pixel, block * n as u64 + i))
                 .collect();
-            for pair in 0..8 {
-                for wide in 0..=bits {
-                    let tall = bits - wide;
-                    let mut seen = vec![false; n];
-                    for (pairs, _) in &paths {
-                        let [x, y] = pairs[pair];
-                        let cell = (((x * (1 << wide) as f32) as usize) << tall)
-                            | (y * (1 << tall) as f32) as usize;
-                        assert!(
-                            !std::mem::replace(&mut seen[cell], true),
-                            "pair {pair}, {n} samples, {wide} x {tall}"
-                        );
-                    }
-                }
-            }
-            for single in 0..9 {
-                let mut seen = vec![false; n];
-                for (_, singles) in &paths {
-                    let cell = (singles[single] * n as f32) as usize;
-                    assert!(
-                        !std::mem::replace(&mut seen[cell], true),
-                        "single {single}, {n} samples"
-                    );
-                }
-            }
+            assert_stratified(&paths);
         }
     }
 }
@@ -267,7 +282,6 @@ fn spread(sampler: &SamplerRow, n: u64, seeds: u64, f: fn([[f32; 2]; 3]) -> f64)
 
 #[test]
 fn smooth_integrals_converge_faster_than_independent_numbers_and_to_the_same() {
-    use crate::transport::sampler::{INDEPENDENT, SOBOL};
     // Integrates exp(x + y^2) on the first pair. The variance of independent numbers falls like
     // 1/n, that of a smooth integrand under Owen scrambling nearly like 1/n^3.
     let smooth = |p: [[f32; 2]; 3]| f64::from(p[0][0] + p[0][1] * p[0][1]).exp();

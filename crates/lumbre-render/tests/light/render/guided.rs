@@ -10,6 +10,7 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::Material;
 use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL};
 use lumbre_light::value::Value;
+use lumbre_render::cpu::guiding_tree::{COLUMNS, GuidingTree, ROWS};
 use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 
 use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
@@ -147,4 +148,24 @@ fn scenes_without_light_are_black() {
             assert_eq!(film.sum.iter().any(|s| s[0] > 0.0), lit);
         }
     }
+}
+
+#[test]
+fn a_tree_can_be_looked_at_and_its_densities_integrate_to_one() {
+    let scene = hidden_lamp();
+    let tree =
+        |technique: &Technique| GuidingTree::train(&scene, &job_of(technique, 12, 6)).unwrap();
+    let guided = tree(&trained(200, 200.0)).unwrap();
+    let size = guided.size();
+    assert!(size.guiding > 1 && size.guiding <= size.regions, "{size:?}");
+    let cell = 4.0 * std::f64::consts::PI / (ROWS * COLUMNS) as f64;
+    for region in (0..size.regions as u32).filter(|region| guided.guides(*region)) {
+        let mass = guided.density(region).unwrap().iter().sum::<f64>() * cell;
+        assert!((mass - 1.0).abs() < 0.02, "region {region}: {mass}");
+    }
+    // The camera is inside of the room.
+    assert!(guided.regions.iter().all(Option::is_some));
+    assert_eq!(guided.region_at([11, 3]), guided.regions[3 * 12 + 11]);
+    assert!(tree(&technique("nee", &[])).is_none());
+    assert!(tree(&technique("sppm", &[])).is_none());
 }

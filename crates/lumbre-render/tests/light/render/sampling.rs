@@ -9,7 +9,7 @@ use lumbre_light::math::stats::{normal_two_sided_p, sidak};
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::Material;
 use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
-use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL, SamplerRow};
+use lumbre_light::transport::sampler::{INDEPENDENT, SamplerRow, sampler};
 use lumbre_render::Job;
 
 use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
@@ -80,49 +80,58 @@ fn spread(films: &[Film]) -> f64 {
 }
 
 #[test]
-fn every_integrator_has_the_same_mean_with_every_sampler_and_less_noise_with_sobol() {
+fn every_integrator_has_the_same_mean_with_every_sampler_and_less_noise_if_stratified() {
     let scene = scene();
     for row in INTEGRATORS {
-        let (independent, sobol) = (films(&scene, row, INDEPENDENT), films(&scene, row, SOBOL));
-        // The films are independent, so their spread gives the error for any correlation within a
-        // film.
-        let means = |films: &[Film]| {
-            let means: Vec<f64> = films.iter().map(|f| f.mean().mean()[0]).collect();
-            estimate(means.into_iter())
-        };
-        let ((a, va), (b, vb)) = (means(&independent), means(&sobol));
-        let p = normal_two_sided_p((a - b) / (va + vb).sqrt());
-        assert!(
-            p > sidak(0.001, INTEGRATORS.len()),
-            "{}: {a} and {b}: {p}",
-            row.name
-        );
-        let (noise, less) = (spread(&independent), spread(&sobol));
-        assert!(
-            less < 0.9 * noise,
-            "{}: {less} instead of {noise}",
-            row.name
-        );
-        // The error estimates of the films are right for independent samples and too large for
-        // Sobol samples.
-        let estimated = |films: &[Film]| {
-            films
-                .iter()
-                .map(|f| f.variance_of_mean().mean()[0])
-                .sum::<f64>()
-                / SEEDS as f64
-        };
-        assert!(
-            (estimated(&independent) / noise - 1.0).abs() < 0.15,
-            "{}: {} {noise}",
-            row.name,
-            estimated(&independent)
-        );
-        assert!(
-            estimated(&sobol) > less,
-            "{}: {} {less}",
-            row.name,
-            estimated(&sobol)
-        );
+        let independent = films(&scene, row, INDEPENDENT);
+        for name in ["sobol", "zsobol16"] {
+            let films = films(&scene, row, sampler(name).unwrap());
+            assert_less_noise(row, &independent, (name, &films));
+        }
     }
+}
+
+/// Checks that the films of a sampler that stratifies have the mean of those of independent numbers,
+/// and less noise.
+fn assert_less_noise(row: &IntegratorRow, independent: &[Film], (name, films): (&str, &[Film])) {
+    // The films are independent, so their spread gives the error for any correlation within a
+    // film.
+    let means = |films: &[Film]| {
+        let means: Vec<f64> = films.iter().map(|f| f.mean().mean()[0]).collect();
+        estimate(means.into_iter())
+    };
+    let ((a, va), (b, vb)) = (means(independent), means(films));
+    let p = normal_two_sided_p((a - b) / (va + vb).sqrt());
+    assert!(
+        p > sidak(0.001, 2 * INTEGRATORS.len()),
+        "{} of {name}: {a} and {b}: {p}",
+        row.name
+    );
+    let (noise, less) = (spread(independent), spread(films));
+    assert!(
+        less < 0.9 * noise,
+        "{} of {name}: {less} instead of {noise}",
+        row.name
+    );
+    // The error estimates of the films are right for independent samples and too large for
+    // stratified ones.
+    let estimated = |films: &[Film]| {
+        films
+            .iter()
+            .map(|f| f.variance_of_mean().mean()[0])
+            .sum::<f64>()
+            / SEEDS as f64
+    };
+    assert!(
+        (estimated(independent) / noise - 1.0).abs() < 0.15,
+        "{} of {name}: {} {noise}",
+        row.name,
+        estimated(independent)
+    );
+    assert!(
+        estimated(films) > less,
+        "{} of {name}: {} {less}",
+        row.name,
+        estimated(films)
+    );
 }

@@ -11,7 +11,7 @@ use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::transport::delay::Profile;
 use lumbre_light::transport::path_time::Timing;
-use lumbre_light::transport::sampler::SOBOL;
+use lumbre_light::transport::sampler::{SOBOL, sampler};
 use lumbre_light::value::Value;
 use lumbre_render::Job;
 use lumbre_render::cpu::bvh::simd::Isa;
@@ -40,6 +40,10 @@ fn samplers_layers_and_light_selection_have_the_same_bits_in_lanes() {
         rr_start: Some(2),
         ..job.clone()
     };
+    let zsobol = Job {
+        sampler: sampler("zsobol4").unwrap(),
+        ..sobol.clone()
+    };
     let layers = Job {
         layers: LAYERS.iter().map(|row| row.layer).collect(),
         ..job.clone()
@@ -48,7 +52,7 @@ fn samplers_layers_and_light_selection_have_the_same_bits_in_lanes() {
         params: [("lights".to_owned(), Value::from("all"))].into(),
         ..job
     };
-    for (name, job) in [("sobol", sobol), ("layers", layers)] {
+    for (name, job) in [("sobol", sobol), ("zsobol4", zsobol), ("layers", layers)] {
         for job in techniques(&job) {
             assert_same_bits(name, &scene, job, 3);
         }

@@ -20,11 +20,13 @@ struct Sobol {
     bool pair;
 };
 
+// Starts the numbers of the sample with this index in the sequence of a key.
+Sobol sobol_from(uvec4 key, uint index) {
+    return Sobol(key, bitfieldReverse(index), 0u, uvec4(0u), 0u, SINGLES, false);
+}
+
 Sobol sobol_new(uvec2 seed, uvec2 pixel, uvec2 index) {
-    return Sobol(
-        sample_key(seed, pixel, index.y, 0u), bitfieldReverse(index.x), 0u, uvec4(0u), 0u, SINGLES,
-        false
-    );
+    return sobol_from(sample_key(seed, pixel, index.y, 0u), index.x);
 }
 
 // Returns random words that depend on the pixel's sequence and the sample's index in it.

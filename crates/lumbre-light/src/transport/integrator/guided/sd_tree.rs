@@ -88,6 +88,11 @@ impl SdTree {
         self.leaves.len()
     }
 
+    /// Returns the number of nodes of all quadtrees.
+    pub fn nodes(&self) -> usize {
+        self.nodes.len()
+    }
+
     /// Returns the index of the leaf whose region contains a point, or the nearest point of the
     /// cube.
     pub fn leaf_at(&self, point: Vec3) -> u32 {

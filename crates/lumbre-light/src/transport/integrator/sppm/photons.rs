@@ -16,8 +16,8 @@ use glam::Vec3;
 /// Greatest number of columns and of rows of the camera rays from which the radius is derived.
 const PROBES: u32 = 8;
 
-/// Width of the automatic radius of the first iteration, in pixels.
-const RADIUS_IN_PIXELS: f32 = 3.0;
+/// Width of the automatic radius of the first iteration, in pixels, where all light is gathered.
+pub const RADIUS_IN_PIXELS: f32 = 3.0;
 
 /// Automatic radius of a scene that no camera ray hits, in radii of the bounding sphere.
 const UNSEEN_RADIUS: f32 = 0.003;
@@ -74,15 +74,17 @@ pub struct PhotonSetup {
 
 impl PhotonSetup {
     /// Computes it from the parameters, of which the camera and the scene complete the automatic
-    /// ones.
-    pub fn new(context: &Context) -> PhotonSetup {
+    /// ones: the radius is then `radius_in_pixels` times the width of a pixel.
+    pub fn new(context: &Context, radius_in_pixels: f32) -> PhotonSetup {
         let settings = context.settings;
         let [width, height] = context.camera.resolution();
         let pixels = u64::from(width) * u64::from(height);
         PhotonSetup {
             count: settings.photons.map_or(pixels, u64::from),
             pixels,
-            first_radius: settings.radius.unwrap_or_else(|| automatic_radius(context)),
+            first_radius: settings
+                .radius
+                .unwrap_or_else(|| automatic_radius(context, radius_in_pixels)),
             alpha: settings.alpha,
         }
     }
@@ -97,7 +99,7 @@ impl PhotonSetup {
 
 /// Computes the [`PhotonSetup`] of a job.
 pub fn prepare(resources: &Resources) -> Box<Shared> {
-    let setup = resources.map(1, |context, _| PhotonSetup::new(context));
+    let setup = resources.map(1, |context, _| PhotonSetup::new(context, RADIUS_IN_PIXELS));
     Box::new(setup[0])
 }
 
@@ -125,9 +127,9 @@ pub fn radius(first: f32, alpha: f32, index: u64) -> f32 {
     first * iteration.powf(0.5 * (f64::from(alpha) - 1.0)) as f32
 }
 
-/// Returns the automatic radius of the first iteration, in scene units: [`RADIUS_IN_PIXELS`] times
-/// the median width of a pixel at the first surfaces behind a grid of pixels.
-fn automatic_radius(context: &Context) -> f32 {
+/// Returns the automatic radius of the first iteration, in scene units: `in_pixels` times the median
+/// width of a pixel at the first surfaces behind a grid of pixels.
+fn automatic_radius(context: &Context, in_pixels: f32) -> f32 {
     let camera = context.camera;
     let mut widths = Vec::new();
     let [columns, rows] = camera.resolution.map(|n| (n as u32).min(PROBES));
@@ -148,7 +150,7 @@ fn automatic_radius(context: &Context) -> f32 {
     let radius = if widths.is_empty() {
         UNSEEN_RADIUS * context.lights.ball.radius
     } else {
-        RADIUS_IN_PIXELS * median(widths) as f32
+        in_pixels * median(widths) as f32
     };
     radius.max(f32::MIN_POSITIVE.sqrt())
 }

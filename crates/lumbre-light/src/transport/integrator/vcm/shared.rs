@@ -6,10 +6,14 @@ use crate::transport::integrator::iteration::light_paths::{self, LightPaths};
 use crate::transport::integrator::iteration::photon_map::{PhotonMap, UnitPoints, point_bytes};
 use crate::transport::integrator::iteration::{Iteration, Resources, Shared};
 use crate::transport::integrator::settings::Join;
-use crate::transport::integrator::sppm::photons::PhotonSetup;
+use crate::transport::integrator::sppm::photons::{PhotonSetup, RADIUS_IN_PIXELS};
 
 /// Upper bound of the bytes of a vertex: as stored, and in the grid.
 pub const VERTEX_BYTES: usize = light_paths::VERTEX_BYTES + point_bytes::<MergePoint>();
+
+/// Width of the automatic radius of the first iteration, in pixels, where merging finds only what
+/// connections cannot.
+const RADIUS_BESIDE_CONNECTIONS: f32 = 1.0;
 
 /// Data that all samples of an iteration read.
 pub struct SharedVertices {
@@ -39,7 +43,14 @@ type Setup = Option<(PhotonSetup, Join)>;
 pub fn prepare(resources: &Resources) -> Box<Shared> {
     let setup = resources.map(1, |context, _| -> Setup {
         let join = context.settings.join;
-        (join != Join::Connect).then(|| (PhotonSetup::new(context), join))
+        (join != Join::Connect).then(|| {
+            let in_pixels = if join == Join::Merge {
+                RADIUS_IN_PIXELS
+            } else {
+                RADIUS_BESIDE_CONNECTIONS
+            };
+            (PhotonSetup::new(context, in_pixels), join)
+        })
     });
     Box::new(setup[0])
 }

@@ -78,6 +78,11 @@ impl LightBounds {
         }
     }
 
+    /// Returns whether some light of the group may emit strongest in any direction.
+    pub fn is_round(&self) -> bool {
+        self.directions.spread >= PI
+    }
+
     /// Returns the bounds of a triangle, which emits on its front.
     pub fn triangle([a, b, c]: [Vec3; 3], power: f32) -> LightBounds {
         let corners = [a.min(b).min(c), a.max(b).max(c)];

@@ -136,6 +136,7 @@ impl Node {
             power: [0.0; CHILDREN],
             child: [NONE; CHILDREN],
             parent,
+            round: true,
         }
     }
 
@@ -150,5 +151,6 @@ impl Node {
         (self.sin_spread[i], self.cos_spread[i]) = bounds.directions.spread.sin_cos();
         self.cos_emission[i] = bounds.cos_emission();
         self.power[i] = bounds.power;
+        self.round &= bounds.is_round();
     }
 }

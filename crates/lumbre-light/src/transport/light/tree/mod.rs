@@ -60,6 +60,8 @@ struct Node {
     /// Position in the parent: its index times [`CHILDREN`], plus the child's number; [`NONE`] for
     /// the root.
     parent: u32,
+    /// Whether all children emit in all directions, so that only power and distance matter.
+    round: bool,
 }
 
 /// The tree and the lights beside it.
@@ -114,7 +116,7 @@ impl LightTree {
 
     /// Chooses a light for the point `from` by a number in `[0, 1)` with 24 bits: returns its index
     /// and its probability.
-    #[inline]
+    #[inline(always)]
     pub fn choose(&self, from: Vec3, choice: f32) -> (u32, f32) {
         // The tree divides the interval further than 24 bits tell apart.
         let [x, y, z] = from.to_array().map(f32::to_bits);
@@ -137,7 +139,7 @@ impl LightTree {
 
     /// Returns the probability with which [`LightTree::choose`] chooses a light for the point
     /// `from`; zero for a light that the scene does not have.
-    #[inline]
+    #[inline(always)]
     pub fn probability(&self, from: Vec3, index: u32) -> f32 {
         if index >= self.first_distant {
             return self.distant_probability(index);
@@ -167,7 +169,7 @@ impl LightTree {
     }
 
     /// Chooses a light of the tree: returns its index and its probability.
-    #[inline]
+    #[inline(always)]
     fn descend(&self, from: Vec3, mut u: f64) -> (u32, f64) {
         let mut probability = 1.0;
         let mut index = 0;
@@ -216,44 +218,15 @@ impl Node {
     #[inline(always)]
     fn importances(&self, from: Vec3) -> [f32; CHILDREN] {
         let mut importances = [0.0; CHILDREN];
-        for (i, importance) in importances.iter_mut().enumerate() {
-            let d = [
-                from.x - self.center[0][i],
-                from.y - self.center[1][i],
-                from.z - self.center[2][i],
-            ];
-            let distance2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-            let radius2 = self.radius2[i];
-            let inverse2 = 1.0 / distance2.max(f32::MIN_POSITIVE);
-            let along = self.axis[0][i] * d[0] + self.axis[1][i] * d[1] + self.axis[2][i] * d[2];
-            // Angle between the axis and the direction from the centre to the point.
-            let cos = (along * inverse2.sqrt()).clamp(-1.0, 1.0);
-            let sin = (1.0 - cos * cos).sqrt();
-            // Less the half angle of the cone.
-            let (cos_o, sin_o) = (self.cos_spread[i], self.sin_spread[i]);
-            let in_cone = cos >= cos_o;
-            let cos_x = if in_cone {
-                1.0
-            } else {
-                cos * cos_o + sin * sin_o
-            };
-            let sin_x = if in_cone {
-                0.0
-            } else {
-                sin * cos_o - cos * sin_o
-            };
-            // Less the half angle under which the point sees the sphere.
-            let sin2_u = (radius2 * inverse2).min(1.0);
-            let (cos_u, sin_u) = ((1.0 - sin2_u).sqrt(), sin2_u.sqrt());
-            let in_sphere = cos_x >= cos_u || distance2 <= radius2;
-            let least = if in_sphere {
-                1.0
-            } else {
-                cos_x * cos_u + sin_x * sin_u
-            };
-            let lit = least >= self.cos_emission[i];
-            let value = self.power[i] * least.max(LEAST_COS) / distance2.max(radius2);
-            *importance = if lit { value } else { 0.0 };
+        if self.round {
+            for (i, importance) in importances.iter_mut().enumerate() {
+                let (_, distance2) = self.offset(i, from);
+                *importance = self.power[i] / distance2.max(self.radius2[i]);
+            }
+        } else {
+            for (i, importance) in importances.iter_mut().enumerate() {
+                *importance = self.importance(i, from);
+            }
         }
         let total: f32 = importances.iter().sum();
         if total > 0.0 && total < f32::INFINITY {
@@ -261,6 +234,54 @@ impl Node {
         } else {
             self.power
         }
+    }
+
+    /// Returns the vector from the centre of a child to a point, and its squared length.
+    #[inline(always)]
+    fn offset(&self, i: usize, from: Vec3) -> ([f32; 3], f32) {
+        let d = [
+            from.x - self.center[0][i],
+            from.y - self.center[1][i],
+            from.z - self.center[2][i],
+        ];
+        (d, d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+    }
+
+    /// Returns the importance of a child for a point.
+    #[inline(always)]
+    fn importance(&self, i: usize, from: Vec3) -> f32 {
+        let (d, distance2) = self.offset(i, from);
+        let radius2 = self.radius2[i];
+        let inverse2 = 1.0 / distance2.max(f32::MIN_POSITIVE);
+        let along = self.axis[0][i] * d[0] + self.axis[1][i] * d[1] + self.axis[2][i] * d[2];
+        // Angle between the axis and the direction from the centre to the point.
+        let cos = (along * inverse2.sqrt()).clamp(-1.0, 1.0);
+        let sin = (1.0 - cos * cos).sqrt();
+        // Less the half angle of the cone.
+        let (cos_o, sin_o) = (self.cos_spread[i], self.sin_spread[i]);
+        let in_cone = cos >= cos_o;
+        let cos_x = if in_cone {
+            1.0
+        } else {
+            cos * cos_o + sin * sin_o
+        };
+        let sin_x = if in_cone {
+            0.0
+        } else {
+            sin * cos_o - cos * sin_o
+        };
+        // Less the half angle under which the point sees the sphere.
+        let sin2_u = (radius2 * inverse2).min(1.0);
+        let (cos_u, sin_u) = ((1.0 - sin2_u).sqrt(), sin2_u.sqrt());
+        let in_sphere = cos_x >= cos_u || distance2 <= radius2;
+        let least = if in_sphere {
+            1.0
+        } else {
+            cos_x * cos_u + sin_x * sin_u
+        };
+        let lit = least >= self.cos_emission[i];
+        let value = self.power[i] * least.max(LEAST_COS) / distance2.max(radius2);
+        if lit { value } else { 0.0 }
     }
 }
 
