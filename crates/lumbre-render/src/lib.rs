@@ -190,14 +190,6 @@ pub struct OpenStats {
     pub peer: Option<Peer>,
 }
 
-impl OpenStats {
-    /// Returns the number of threads that a line about a processor states: `cpu, 8 threads, ...`.
-    pub fn stated_threads(device: &str) -> Option<u32> {
-        let (threads, _) = device.strip_prefix("cpu, ")?.split_once(" threads")?;
-        threads.parse().ok()
-    }
-}
-
 /// An external program that renders.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Peer {

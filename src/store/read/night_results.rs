@@ -208,7 +208,7 @@ impl Store {
 /// Device that a run was rendered on, for people. Of threads of a processor, the model of the
 /// processor is stated, since workers of one night may differ.
 fn device(results: &RunResults) -> String {
-    match results.threads() {
+    match results.open.threads {
         Some(threads) if !results.processor.is_empty() => {
             format!("{}, {threads} threads", results.processor)
         }

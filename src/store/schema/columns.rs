@@ -253,7 +253,7 @@ pub const TABLE: [Column; 11] = [
     column(
         "bound",
         "",
-        "whether the value is exact, or the true one is above or below it",
+        "`lower`, `upper` or `either` if the value is only such a bound",
     ),
     column("best", "", "1 for the best value of its row, else 0"),
     column(

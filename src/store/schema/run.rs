@@ -12,7 +12,7 @@ use crate::experiment::bias_check::BiasCheckResult;
 use crate::experiment::plan::ReferenceSource;
 use lumbre_light::film::ztest::Judged;
 use lumbre_light::value::Value;
-use lumbre_render::{OpenStats, Peer};
+use lumbre_render::Peer;
 
 /// Name of the last file of a run.
 pub const DONE: &str = "done.json";
@@ -356,15 +356,6 @@ impl From<&PeerProgram> for Peer {
     }
 }
 
-impl RunResults {
-    /// Threads of the processor that rendered; `None` on another device, or if unknown. Files from
-    /// before the field `threads` state them in the line of the device only.
-    pub fn threads(&self) -> Option<u32> {
-        let stated = || OpenStats::stated_threads(&self.device);
-        self.open.threads.or_else(stated)
-    }
-}
-
 impl BiasCheckFile {
     /// Records the comparison of a reference with the picture `with`.
     pub fn new(plan: &Plan, reference: usize, with: usize, found: &BiasCheckResult) -> Self {
@@ -494,26 +485,5 @@ impl DoneFile {
             }
         }
         Ok(None)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn threads_of_older_files_are_those_of_their_device_line() {
-        let results = |device: &str, threads| RunResults {
-            device: device.to_owned(),
-            open: OpenCost {
-                threads,
-                ..OpenCost::default()
-            },
-            ..RunResults::default()
-        };
-        let threads = |device, threads| results(device, threads).threads();
-        assert_eq!(threads("cpu, 2 threads, eight-wide BVH", Some(3)), Some(3));
-        assert_eq!(threads("cpu, 2 threads, eight-wide BVH", None), Some(2));
-        assert_eq!(threads("NVIDIA H100, driver 1.2", None), None);
     }
 }

@@ -307,7 +307,11 @@ fn stated_facts(line: &str) -> (u32, Option<String>) {
     let program = line
         .rsplit_once(", ")
         .map(|(_, program)| program.to_owned());
-    (OpenStats::stated_threads(line).unwrap_or(0), program)
+    let threads = line
+        .strip_prefix("cpu, ")
+        .and_then(|rest| rest.split_once(" threads"))
+        .and_then(|(threads, _)| threads.parse().ok());
+    (threads.unwrap_or(0), program)
 }
 
 /// Returns the name and version of a technique's program, without commas, which separate the parts of
