@@ -55,7 +55,7 @@ impl Merging<'_> {
         t: u32,
         mut visit: impl FnMut(VertexId, u32),
     ) {
-        self.map.for_each_near::<R, N>(z.position, |point| {
+        self.map.for_each_near::<R, N>(z.point(), |point| {
             let MergePoint { id, edges, normal } = *point;
             if edges + t - 1 <= context.max_depth && same_surface(normal, z.n_geometric) {
                 visit(id, edges);

@@ -21,6 +21,10 @@ pub const SHARDS: usize = 64;
 /// Points on other surfaces, such as the next wall of a corner, are left out.
 const MIN_COSINE: f32 = 0.5;
 
+/// Greatest distance of a point from the plane of a gathering surface, in radii. Points on the far
+/// wall of a thin shell, whose normals are alike, are left out.
+const MAX_HEIGHT: f32 = 0.25;
+
 /// The grid of an iteration with its radius.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
@@ -161,12 +165,12 @@ impl<T: Copy + Default + Send + Sync> PhotonMap<T> {
         self.scale
     }
 
-    /// Visits the points within the radius of a point. Vectors test the distances of several points
-    /// at a time.
+    /// Visits the points within the radius of a point of a surface with the unit normal `n`, and near
+    /// its plane. Vectors test the distances of several points at a time.
     #[inline(always)]
     pub fn for_each_near<'a, R: Lanes<N>, const N: usize>(
         &'a self,
-        p: Vec3,
+        [p, n]: [Vec3; 2],
         mut visit: impl FnMut(&'a T),
     ) {
         let radius = self.grid.radius;
@@ -178,7 +182,7 @@ impl<T: Copy + Default + Send + Sync> PhotonMap<T> {
                     let cube = [x, y, z];
                     let (shard, hash) = Grid::place(cube);
                     let shard = &self.shards[shard];
-                    shard.for_each_near::<R, N>(hash, (p, radius), |position, data| {
+                    shard.for_each_near::<R, N>(hash, ([p, n], radius), |position, data| {
                         // Cubes may share a bucket.
                         if self.grid.cube(position) == cube {
                             visit(data);
@@ -228,12 +232,12 @@ impl<T: Copy + Default> Shard<T> {
         hash as usize & (buckets - 1)
     }
 
-    /// Visits the points in the bucket of a hash within a radius of a point.
+    /// Visits the points in the bucket of a hash within a radius of a point of a surface.
     #[inline(always)]
     fn for_each_near<'a, R: Lanes<N>, const N: usize>(
         &'a self,
         hash: u32,
-        (p, radius): (Vec3, f32),
+        ([p, n], radius): ([Vec3; 2], f32),
         mut visit: impl FnMut(Vec3, &'a T),
     ) {
         let bucket = Shard::<T>::bucket(hash, self.starts.len() - 1);
@@ -242,7 +246,9 @@ impl<T: Copy + Default> Shard<T> {
             self.starts[bucket + 1] as usize,
         );
         let at = R::Vec3::broadcast(p);
+        let n = R::Vec3::broadcast(n);
         let limit = R::splat(radius * radius);
+        let height = R::splat(MAX_HEIGHT * radius);
         let [x, y, z] = &self.positions;
         for first in (first..end).step_by(N) {
             let rows = (
@@ -254,8 +260,9 @@ impl<T: Copy + Default> Shard<T> {
                 return;
             };
             let positions = R::Vec3::new(R::load(xs), R::load(ys), R::load(zs));
-            let near = (positions - at).length_squared().lt(limit).bits();
-            for i in active_lanes(near).take_while(|i| first + i < end) {
+            let offset = positions - at;
+            let near = offset.length_squared().lt(limit) & offset.dot(n).abs().lt(height);
+            for i in active_lanes(near.bits()).take_while(|i| first + i < end) {
                 visit(Vec3::new(xs[i], ys[i], zs[i]), &self.data[first + i]);
             }
         }

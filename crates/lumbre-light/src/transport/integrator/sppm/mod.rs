@@ -49,7 +49,7 @@ use crate::value::schema::Table;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "sppm",
     long_name: "stochastic progressive photon mapping, consistent but biased",
-    revision: 2,
+    revision: 3,
     doc: "Photons from the lights are gathered where camera paths meet the first surface that is \
           not nearly specular, within a radius that shrinks from sample to sample [Hachisuka & \
           Jensen 2009; Knaus & Zwicker 2011].",
@@ -184,7 +184,7 @@ impl<R: Lanes<N>, const N: usize> GatherPoint<'_, R, N> {
         });
         let mut near: [Vec<(u32, &PhotonRecord)>; N] = std::array::from_fn(|_| Vec::new());
         for i in active_lanes(lanes.bits()) {
-            map.for_each_near::<R, N>(positions[i], |record| {
+            map.for_each_near::<R, N>([positions[i], normals[i]], |record| {
                 let photon = PhotonRecord::load::<f32, 1>([record]);
                 if photon.edges <= max_edges && same_surface(photon.normal, normals[i]) {
                     near[i].push((photon.edges, record));

@@ -45,7 +45,7 @@ use crate::value::schema::Table;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "vcm",
     long_name: "vertex connection and merging, consistent but biased",
-    revision: 2,
+    revision: 3,
     doc: "Paths from the camera and from the lights are connected in every way, and merged where \
           their vertices are near each other, within a radius that shrinks from sample to sample \
           [Georgiev et al. 2012; Knaus & Zwicker 2011].",
