@@ -27,6 +27,7 @@ const uint MIS_BALANCE = 1u;
 const uint MIS_UNIFORM = 2u;
 const uint SAMPLER_INDEPENDENT = 0u;
 const uint SAMPLER_SOBOL = 1u;
+const uint SAMPLER_ZSOBOL = 2u;
 const uint DELAY_NONE = 0u;
 const uint DELAY_CONSTANT = 1u;
 const uint DELAY_EXPONENTIAL = 2u;

@@ -1,7 +1,7 @@
 // Generated from crates/lumbre-vulkan/src/layout/specialization.rs by the test
 // `the_committed_constants_are_those_of_the_code`; do not edit.
 
-// SAMPLER_INDEPENDENT or SAMPLER_SOBOL.
+// SAMPLER_INDEPENDENT, SAMPLER_SOBOL, or SAMPLER_ZSOBOL plus the binary logarithm of a block.
 layout(constant_id = 0) const uint SAMPLER_KIND = 0u;
 // Bit mask of the material models of the scene.
 layout(constant_id = 1) const uint MODELS = 31u;
