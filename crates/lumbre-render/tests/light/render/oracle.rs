@@ -1,4 +1,4 @@
-//! The weights of `bdpt`, `vcm` and `lvc` compared with their definition, over their paths in scenes
+//! The weights of `bdpt`, `guided_bdpt`, `vcm` and `lvc` compared with their definition, over their paths in scenes
 //! of every kind.
 
 use std::sync::Arc;
@@ -43,6 +43,7 @@ fn assert_weights_are_exact(scene: &Arc<CompiledScene>, depth: u32) -> OracleRep
         assert!(report.is_exact(), "{mis} with a tree: {report:?}");
         assert_merging_is_exact(scene, mis, depth, seed as u64);
         assert_cache_is_exact(scene, mis, depth, seed as u64);
+        assert_guided_is_exact(scene, mis, depth, seed as u64);
     }
     last
 }
@@ -73,6 +74,39 @@ fn assert_cache_is_exact(scene: &Arc<CompiledScene>, mis: &str, depth: u32, seed
             "{mis} {connections} {candidates} {photons}: {report:?}"
         );
     }
+}
+
+/// Compares the weights of `guided_bdpt` with their definition, for trees with many leaves and
+/// different fractions, and returns the last report.
+fn assert_guided_is_exact(
+    scene: &Arc<CompiledScene>,
+    mis: &str,
+    depth: u32,
+    seed: u64,
+) -> OracleReport {
+    let mut last = OracleReport::default();
+    for (fraction, target) in [(0.5, "variance"), (0.2, "mean")] {
+        let given = params(&[
+            ("mis", mis.into()),
+            ("bsdf_fraction", Value::Num(fraction)),
+            ("target", target.into()),
+            ("training", Value::Int(30)),
+            ("split", Value::Num(200.0)),
+        ]);
+        let samples = 4000;
+        let lend = |run: &mut dyn FnMut(&Context)| {
+            with_context(scene, FilterSpec::PIXEL, &given, depth, |context| {
+                run(context)
+            });
+        };
+        let report = oracle::check_guided_bdpt(lend, samples, seed);
+        assert!(
+            report.paths > samples && report.is_exact() && report.worst_weight < 1e-4,
+            "{mis} {fraction} {target}: {report:?}"
+        );
+        last = report;
+    }
+    last
 }
 
 /// Compares the weights of `vcm` with their definition, with fewer and more light subpaths than
@@ -388,6 +422,40 @@ fn weights_are_exact_with_orthographic_and_spherical_cameras() {
         for s in 1..=5 {
             let paths = report.strategies[s][1];
             assert!(paths > 0, "{kind:?}: no splats with {s} light vertices");
+        }
+    }
+}
+
+/// A room whose lamp is behind a wall with a gap, and one without the gap, where a lamp on the
+/// camera's side is all that trains the tree.
+#[test]
+fn weights_are_exact_where_light_comes_through_a_gap_or_none() {
+    for height in [1.85, 2.0] {
+        let scene = SceneBuilder::new(Vec3::new(0.3, 0.6, 0.9), Vec3::new(-0.7, -0.7, -0.7), 50.0)
+            .room(1.0, grey(0.7))
+            .quad(
+                Vec3::new(0.4, -1.0, 1.0),
+                Vec3::Y * height,
+                Vec3::Z * -2.0,
+                grey(0.7),
+            )
+            .quad(
+                Vec3::new(0.55, -0.6, -0.3),
+                Vec3::Z * 0.6,
+                Vec3::X * 0.3,
+                light(30.0),
+            )
+            .sphere(Vec3::new(-0.5, 0.0, -0.5), 0.1, light(0.5))
+            .build();
+        for mis in ["power", "balance", "none"] {
+            let report = assert_guided_is_exact(&scene, mis, 6, 3);
+            assert_eq!(report.dirac_paths, 0);
+            for s in 0..=4 {
+                for t in 1.max(2 - s.min(1))..=7 - s {
+                    let paths = report.strategies[s][t];
+                    assert!(paths > 0, "strategy ({s}, {t}) found no path at {height}");
+                }
+            }
         }
     }
 }

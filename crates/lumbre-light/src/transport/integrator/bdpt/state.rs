@@ -416,6 +416,15 @@ impl<R: Real> Vertex<R> {
         self.state.endpoint(self.partials)
     }
 
+    /// Returns the positions on the surfaces, of vertices that were lifted too.
+    #[inline(always)]
+    pub fn surface_position(&self) -> R::Vec3 {
+        match &self.terminator {
+            Some(offset) => R::Vec3::select(offset.exists, offset.base, self.state.position),
+            None => self.state.position,
+        }
+    }
+
     /// Makes the vertices starts of edges from their lifted points. Returns the lanes that have one.
     #[inline(always)]
     pub fn lift(&mut self) -> R::Mask {

@@ -18,8 +18,9 @@
 //! - All samples use the same tree, so they have the same variance and equal weights. The pictures
 //!   of training paths are not used: they would have to be weighted by the inverse of their
 //!   variance [Müller 2019], and the best of them has about as many paths as half of `training`.
-//! - Light subpaths are not guided.
+//! - [`bidirectional`] guides the camera subpaths of `bdpt` by the same tree.
 
+pub mod bidirectional;
 pub mod direction_tree;
 pub mod sd_tree;
 pub mod settings;
@@ -67,15 +68,18 @@ pub const ROW: IntegratorRow = IntegratorRow {
     },
     splats: false,
     bias: None,
-    sharing: Some(Sharing {
-        prepare: training::prepare,
-        begin: training::begin,
-        vertex_bytes: training::VERTEX_BYTES,
-        batch: Some(training::BATCH),
-        fixed_bytes: |settings| settings.guiding.tree_bytes(),
-        constant: true,
-    }),
+    sharing: Some(SHARING),
     sample: camera_path::sample::<Guided>,
+};
+
+/// The functions that train the tree, which all iterations share.
+const SHARING: Sharing = Sharing {
+    prepare: training::prepare,
+    begin: training::begin,
+    vertex_bytes: training::VERTEX_BYTES,
+    batch: Some(training::BATCH),
+    fixed_bytes: |settings| settings.guiding.tree_bytes(),
+    constant: true,
 };
 
 /// Guided path tracing.
@@ -164,17 +168,33 @@ impl<R: Lanes<N>, const N: usize> Directions<R, N> for MixedDirections<R, N> {
     fn sample(
         &self,
         context: &Context,
+        vertex: SurfaceVertex<'_, R>,
+        numbers: [R; 3],
+        lanes: R::Mask,
+    ) -> (R::Mask, BsdfSample<R>) {
+        let (some, s, _) = self.sample_reversible::<false>(context, vertex, numbers, lanes);
+        (some, s)
+    }
+}
+
+impl<R: Lanes<N>, const N: usize> MixedDirections<R, N> {
+    /// Samples directions: see [`Directions::sample`]. With `REVERSE`, also returns the density with
+    /// which the BSDF samples the way back.
+    #[inline(always)]
+    fn sample_reversible<const REVERSE: bool>(
+        &self,
+        context: &Context,
         (bsdf, out, n): SurfaceVertex<'_, R>,
         [choice, u, v]: [R; 3],
         lanes: R::Mask,
-    ) -> (R::Mask, BsdfSample<R>) {
+    ) -> (R::Mask, BsdfSample<R>, R) {
         let one = R::splat(1.0);
         let mode = TransportMode::Radiance;
         let stretched = (choice / self.fraction).min(R::splat(BELOW_ONE));
-        let (some, s, _) = bsdf.samples::<false>(out, stretched, [u, v], mode);
+        let (some, s, reverse) = bsdf.samples::<REVERSE>(out, stretched, [u, v], mode);
         let guided = lanes & self.fraction.lt(one);
         if !guided.any() {
-            return (some, s);
+            return (some, s, reverse);
         }
         let by_tree = guided & !choice.lt(self.fraction);
         let tree = tree(context);
@@ -184,7 +204,7 @@ impl<R: Lanes<N>, const N: usize> Directions<R, N> for MixedDirections<R, N> {
             dir.unwrap_or_default().to_array()
         });
         let wi = R::Vec3::select(by_tree, R::Vec3::new(x, y, z), s.wi);
-        let value = bsdf.values::<false>(out, wi, mode, by_tree);
+        let value = bsdf.values::<REVERSE>(out, wi, mode, by_tree);
         let of_tree = value.f * wi.dot(n).abs();
         let f_cos = R::Vec3::select(by_tree, of_tree, s.weight * s.pdf_w);
         let bsdf_pdf_w = R::select(by_tree, value.pdf_w, s.pdf_w);
@@ -199,7 +219,8 @@ impl<R: Lanes<N>, const N: usize> Directions<R, N> for MixedDirections<R, N> {
             delta,
             eta: R::select(by_tree, bsdf.index_ratio(out.wo, wi), s.eta),
         };
-        (some, sample)
+        let reverse = R::select(by_tree, value.reverse_pdf_w, reverse);
+        (some, sample, reverse)
     }
 }
 
