@@ -1,20 +1,20 @@
-//! Guided bidirectional path tracing: [`bdpt`](super::super::bdpt) whose camera subpaths continue in
-//! the directions of [`guided`](super).
+//! Guided bidirectional path tracing: [`bdpt`](crate::transport::integrator::bdpt) whose camera
+//! subpaths continue in the directions of [`guided`](super).
 //!
 //! The tree is that of `guided`. The density with which a camera subpath continues is the mixture of
 //! BSDF and tree wherever a weight depends on it: for the edges of camera subpaths, for connections
 //! at camera vertices, and at vertices of light subpaths for the way back to the previous vertex,
 //! which a camera subpath that came the other way would go on to. Light subpaths are not guided.
 
-use super::super::bdpt::directions::SubpathDirections;
-use super::super::bdpt::joins::{Joins, SubpathTechnique};
-use super::super::bdpt::single;
-use super::super::bdpt::state::Vertex;
-use super::super::directions::Directions;
-use super::super::{Context, IntegratorRow, settings as common};
 use super::{MixedDirections, SHARING, settings};
 use crate::math::simd::Lanes;
 use crate::transport::bsdf::{BsdfSample, TransportMode};
+use crate::transport::integrator::bdpt::directions::SubpathDirections;
+use crate::transport::integrator::bdpt::joins::{Joins, SubpathTechnique};
+use crate::transport::integrator::bdpt::single;
+use crate::transport::integrator::bdpt::state::Vertex;
+use crate::transport::integrator::directions::Directions;
+use crate::transport::integrator::{Context, IntegratorRow, settings as common};
 use crate::transport::light::SELECT_FIELD;
 use crate::transport::mis;
 use crate::value::schema::Table;
