@@ -136,7 +136,7 @@ fn integrators_agree_on_masked_leaves() {
 
 /// Returns the scene with a coarse ball of `slices` slices and half as many stacks, with smooth
 /// normals.
-pub fn coarse_ball(
+fn coarse_ball(
     slices: usize,
     mut builder: SceneBuilder,
     center: Vec3,

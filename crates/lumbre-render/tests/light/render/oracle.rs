@@ -11,18 +11,14 @@ use lumbre_light::scene::compile::{
 use lumbre_light::scene::desc::{CameraKind, ConeDesc, ConeEdge};
 use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::{Camera, FilterKind, FilterSpec};
-use lumbre_light::transport::integrator::bdpt::directions::BsdfDirections;
-use lumbre_light::transport::integrator::bdpt::single::{self, ConnectedPath, Subpaths};
 use lumbre_light::transport::integrator::oracle::{self, OracleReport};
 use lumbre_light::transport::integrator::{Context, Settings};
 use lumbre_light::transport::light::{LightSelection, Lights};
-use lumbre_light::transport::sampler::Sampler;
 use lumbre_light::value::Value;
 use lumbre_render::cpu::bvh::accel::Accel;
 
 use crate::common::{SceneBuilder, WHITE, grey, light};
-use crate::render::agreement::{EYE, Params, params, room};
-use crate::render::agreement_surfaces::coarse_ball;
+use crate::render::agreement::{Params, params};
 
 /// Compares the weights of a scene with their definition for every heuristic, and returns the last
 /// report.
@@ -472,40 +468,6 @@ fn weights_are_exact_where_light_comes_through_a_gap_or_none() {
             }
         }
     }
-}
-
-/// Guided paths look up the leaf of the surface, wherever an edge leaves it.
-#[test]
-fn lifted_vertices_keep_their_position_on_the_surface() {
-    let material = Material {
-        shadow_terminator: true,
-        ..grey(0.8)
-    };
-    let scene = coarse_ball(8, room(EYE), Vec3::new(0.1, 0.7, 0.3), 0.6, material);
-    let mut lifted = 0;
-    with_context(&scene, FilterSpec::PIXEL, &Params::new(), 4, |context| {
-        let mut subpaths = Subpaths::default();
-        for x in 0..32 {
-            let mut sampler = Sampler::new(5, [x, 12], 0);
-            let mut skip = |_: ConnectedPath| ();
-            let directions = BsdfDirections;
-            single::for_each_path(
-                context,
-                directions,
-                [x, 12],
-                &mut sampler,
-                &mut subpaths,
-                &mut skip,
-            );
-            for at in &subpaths.camera {
-                let (base, mut vertex) = (at.vertex.state.position, at.vertex);
-                assert_eq!(vertex.surface_position(), base);
-                lifted += u32::from(vertex.lift() && vertex.state.position != base);
-                assert_eq!(vertex.surface_position(), base);
-            }
-        }
-    });
-    assert!(lifted > 10, "{lifted}");
 }
 
 #[test]

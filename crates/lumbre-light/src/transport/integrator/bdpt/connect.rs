@@ -205,8 +205,7 @@ pub fn connect<R: Lanes<N>, const N: usize>(
     if !lanes.any() {
         return None;
     }
-    // A camera subpath that arrives at y continues to the previous vertex.
-    at_y.reverse_pdf_w = directions.pdf_w::<R, N>(context, y, y.out.wo, at_y.reverse_pdf_w, lanes);
+    at_y.reverse_pdf_w = directions.back_pdf_w::<R, N>(context, y, at_y.reverse_pdf_w);
     let length = match context.timing {
         None => R::Double::splat(0.0),
         Some(_) => {
@@ -270,8 +269,7 @@ pub fn connect_t1<R: Lanes<N>, const N: usize>(
     if !lanes.any() {
         return None;
     }
-    // A camera subpath that arrives at y continues to the previous vertex.
-    at_y.reverse_pdf_w = directions.pdf_w::<R, N>(context, y, y.out.wo, at_y.reverse_pdf_w, lanes);
+    at_y.reverse_pdf_w = directions.back_pdf_w::<R, N>(context, y, at_y.reverse_pdf_w);
     let [position, n] = y.state.point();
     let spread = vertex::area_factor(at.lens, position, n);
     let h = context.settings.heuristic();

@@ -11,6 +11,15 @@ use crate::transport::integrator::Context;
 /// MIS weights depend on the density of every direction in which a camera subpath could have
 /// continued, at vertices of light subpaths too.
 pub trait SubpathDirections: Copy + Send + Sync + 'static {
+    /// Finds what the densities at the vertices of subpaths of a mode need, in the given lanes.
+    fn prepare<R: Lanes<N>, const N: usize>(
+        self,
+        context: &Context,
+        vertex: &mut Vertex<R>,
+        mode: TransportMode,
+        lanes: R::Mask,
+    );
+
     /// Samples the next edges of subpaths of a mode from their vertices, by three numbers in
     /// `[0, 1)`, in the given lanes. The mask is set where there is a sample. Also returns the
     /// density per solid angle with which the other side's subpaths continue from the sampled
@@ -24,9 +33,9 @@ pub trait SubpathDirections: Copy + Send + Sync + 'static {
         lanes: R::Mask,
     ) -> (R::Mask, BsdfSample<R>, R);
 
-    /// Returns the density per solid angle with which camera subpaths continue from vertices in the
-    /// unit directions `wi`, which the BSDF samples with the density `bsdf_pdf_w`, in the given
-    /// lanes.
+    /// Returns the density per solid angle with which camera subpaths continue from their vertices
+    /// in the unit directions `wi`, which the BSDF samples with the density `bsdf_pdf_w`, in the
+    /// given lanes.
     fn pdf_w<R: Lanes<N>, const N: usize>(
         self,
         context: &Context,
@@ -35,6 +44,16 @@ pub trait SubpathDirections: Copy + Send + Sync + 'static {
         bsdf_pdf_w: R,
         lanes: R::Mask,
     ) -> R;
+
+    /// Returns the density per solid angle with which camera subpaths that arrive at vertices of
+    /// light subpaths continue to the previous vertices, a direction that the BSDF samples with the
+    /// density `bsdf_pdf_w`.
+    fn back_pdf_w<R: Lanes<N>, const N: usize>(
+        self,
+        context: &Context,
+        vertex: &Vertex<R>,
+        bsdf_pdf_w: R,
+    ) -> R;
 }
 
 /// The directions that the BSDF samples.
@@ -42,6 +61,16 @@ pub trait SubpathDirections: Copy + Send + Sync + 'static {
 pub struct BsdfDirections;
 
 impl SubpathDirections for BsdfDirections {
+    #[inline(always)]
+    fn prepare<R: Lanes<N>, const N: usize>(
+        self,
+        _: &Context,
+        _: &mut Vertex<R>,
+        _: TransportMode,
+        _: R::Mask,
+    ) {
+    }
+
     #[inline(always)]
     fn sample<R: Lanes<N>, const N: usize>(
         self,
@@ -64,6 +93,16 @@ impl SubpathDirections for BsdfDirections {
         _: R::Vec3,
         bsdf_pdf_w: R,
         _: R::Mask,
+    ) -> R {
+        bsdf_pdf_w
+    }
+
+    #[inline(always)]
+    fn back_pdf_w<R: Lanes<N>, const N: usize>(
+        self,
+        _: &Context,
+        _: &Vertex<R>,
+        bsdf_pdf_w: R,
     ) -> R {
         bsdf_pdf_w
     }

@@ -54,6 +54,12 @@ record! {
         delay: Real,
         /// Index of the last medium: see [`OpticalLength::index`].
         index: Real,
+        /// Index of the region of space that guides camera subpaths there, or
+        /// [`NONE`](crate::scene::compile::NONE).
+        region: Word,
+        /// At guided vertices of light subpaths, density per solid angle with which the region
+        /// samples `wo`; elsewhere 0.
+        guided_back_w: Real,
     }
 }
 
@@ -414,15 +420,6 @@ impl<R: Real> Vertex<R> {
     #[inline(always)]
     pub fn endpoint(&self) -> MisEndpoint<R> {
         self.state.endpoint(self.partials)
-    }
-
-    /// Returns the positions on the surfaces, of vertices that were lifted too.
-    #[inline(always)]
-    pub fn surface_position(&self) -> R::Vec3 {
-        match &self.terminator {
-            Some(offset) => R::Vec3::select(offset.exists, offset.base, self.state.position),
-            None => self.state.position,
-        }
     }
 
     /// Makes the vertices starts of edges from their lifted points. Returns the lanes that have one.

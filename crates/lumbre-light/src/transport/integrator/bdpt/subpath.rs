@@ -184,7 +184,8 @@ impl<R: Real> Subpath<R> {
         if unconnected || !lanes.any() {
             return end;
         }
-        let (vertex, shading) = self.vertex(context, arrival, &surface, optical, &endpoint);
+        let (mut vertex, shading) = self.vertex(context, arrival, &surface, optical, &endpoint);
+        directions.prepare::<R, N>(context, &mut vertex, step.mode, lanes);
         let departure = if step.edge == step.max_edges {
             end
         } else {
@@ -245,6 +246,8 @@ impl<R: Real> Subpath<R> {
             delays,
             delay,
             index,
+            region: R::Word::splat(NONE),
+            guided_back_w: zero,
         };
         let vertex = Vertex {
             state,

@@ -64,21 +64,24 @@ impl SubpathTechnique for GuidedBdpt {
 #[derive(Clone, Copy, Debug)]
 pub struct GuidedDirections;
 
-impl GuidedDirections {
-    /// Returns the mixture at vertices.
+impl SubpathDirections for GuidedDirections {
     #[inline(always)]
-    fn at<R: Lanes<N>, const N: usize>(
+    fn prepare<R: Lanes<N>, const N: usize>(
+        self,
         context: &Context,
-        vertex: &Vertex<R>,
+        vertex: &mut Vertex<R>,
+        mode: TransportMode,
         lanes: R::Mask,
-    ) -> MixedDirections<R, N> {
+    ) {
         let surface = (&vertex.bsdf, &vertex.out, vertex.state.n_shading);
         let smooth = lanes & vertex.bsdf.has_density();
-        MixedDirections::at(context, vertex.surface_position(), surface, smooth)
+        let mixture = MixedDirections::<R, N>::at(context, vertex.state.position, surface, smooth);
+        vertex.state.region = R::load_words(&mixture.leaves);
+        if mode == TransportMode::Importance {
+            vertex.state.guided_back_w = mixture.tree_pdf_w(context, vertex.out.wo, smooth);
+        }
     }
-}
 
-impl SubpathDirections for GuidedDirections {
     #[inline(always)]
     fn sample<R: Lanes<N>, const N: usize>(
         self,
@@ -89,17 +92,18 @@ impl SubpathDirections for GuidedDirections {
         lanes: R::Mask,
     ) -> (R::Mask, BsdfSample<R>, R) {
         let (bsdf, out) = (&vertex.bsdf, &vertex.out);
-        let mixture = Self::at::<R, N>(context, vertex, lanes);
         match mode {
             TransportMode::Radiance => {
+                let mixture = MixedDirections::<R, N>::in_leaves(
+                    context,
+                    R::store_words(vertex.state.region),
+                );
                 let surface = (bsdf, out, vertex.state.n_shading);
                 mixture.sample_reversible::<true>(context, surface, [choice, u, v], lanes)
             }
             TransportMode::Importance => {
                 let (some, s, reverse) = bsdf.samples::<true>(out, choice, [u, v], mode);
-                let smooth = lanes & some & !s.delta;
-                let reverse = mixture.pdf_w(context, out.wo, reverse, smooth);
-                (some, s, reverse)
+                (some, s, self.back_pdf_w::<R, N>(context, vertex, reverse))
             }
         }
     }
@@ -113,7 +117,20 @@ impl SubpathDirections for GuidedDirections {
         bsdf_pdf_w: R,
         lanes: R::Mask,
     ) -> R {
-        let mixture = Self::at::<R, N>(context, vertex, lanes);
+        let mixture =
+            MixedDirections::<R, N>::in_leaves(context, R::store_words(vertex.state.region));
         mixture.pdf_w(context, wi, bsdf_pdf_w, lanes)
+    }
+
+    #[inline(always)]
+    fn back_pdf_w<R: Lanes<N>, const N: usize>(
+        self,
+        context: &Context,
+        vertex: &Vertex<R>,
+        bsdf_pdf_w: R,
+    ) -> R {
+        let mixture =
+            MixedDirections::<R, N>::in_leaves(context, R::store_words(vertex.state.region));
+        mixture.mixed(bsdf_pdf_w, vertex.state.guided_back_w)
     }
 }

@@ -40,6 +40,7 @@ use super::nee;
 use super::{Context, IntegratorRow, settings as common};
 use crate::math::real::{Mask, Vector};
 use crate::math::simd::{Lanes, active_lanes, map_vectors};
+use crate::scene::compile::NONE;
 use crate::transport::bsdf::{BsdfSample, TransportMode};
 use crate::transport::light::SELECT_FIELD;
 use crate::transport::mis;
@@ -114,7 +115,7 @@ impl CameraPaths for Guided {
 /// Mixture of the directions of the BSDF and of the tree, in each lane.
 #[derive(Clone, Copy)]
 struct MixedDirections<R, const N: usize> {
-    /// Leaves of the tree.
+    /// Leaves of the tree, or [`NONE`] in lanes that it does not guide.
     leaves: [u32; N],
     /// Probability of sampling the BSDF: one in lanes that the tree does not guide.
     fraction: R,
@@ -139,29 +140,19 @@ impl<R: Lanes<N>, const N: usize> Directions<R, N> for MixedDirections<R, N> {
             position.y().store(),
             position.z().store(),
         );
-        let (mut leaves, mut fraction) = ([0; N], [1.0; N]);
+        let mut leaves = [NONE; N];
         for i in active_lanes(smooth.bits()) {
-            leaves[i] = tree.leaf_at(Vec3::new(x[i], y[i], z[i]));
-            if tree.directions(leaves[i]).is_some() {
-                fraction[i] = context.settings.guiding.bsdf_fraction;
+            let leaf = tree.leaf_at(Vec3::new(x[i], y[i], z[i]));
+            if tree.directions(leaf).is_some() {
+                leaves[i] = leaf;
             }
         }
-        MixedDirections {
-            leaves,
-            fraction: R::load(&fraction),
-        }
+        MixedDirections::in_leaves(context, leaves)
     }
 
     #[inline(always)]
     fn pdf_w(&self, context: &Context, wi: R::Vec3, bsdf_pdf_w: R, lanes: R::Mask) -> R {
-        let one = R::splat(1.0);
-        let tree = tree(context);
-        let guided = lanes & self.fraction.lt(one);
-        let [pdf_w] = map_vectors::<R, N, 1>(wi, guided, |i, wi| {
-            let directions = tree.directions(self.leaves[i]);
-            [directions.map_or(0.0, |directions| directions.pdf_w(wi))]
-        });
-        self.fraction * bsdf_pdf_w + (one - self.fraction) * pdf_w
+        self.mixed(bsdf_pdf_w, self.tree_pdf_w(context, wi, lanes))
     }
 
     #[inline(always)]
@@ -178,6 +169,40 @@ impl<R: Lanes<N>, const N: usize> Directions<R, N> for MixedDirections<R, N> {
 }
 
 impl<R: Lanes<N>, const N: usize> MixedDirections<R, N> {
+    /// Returns the mixture in leaves of the tree, or of the BSDF alone where they are [`NONE`].
+    #[inline(always)]
+    fn in_leaves(context: &Context, leaves: [u32; N]) -> MixedDirections<R, N> {
+        let mut fraction = [1.0; N];
+        for (fraction, leaf) in fraction.iter_mut().zip(&leaves) {
+            if *leaf != NONE {
+                *fraction = context.settings.guiding.bsdf_fraction;
+            }
+        }
+        MixedDirections {
+            leaves,
+            fraction: R::load(&fraction),
+        }
+    }
+
+    /// Returns the density per solid angle with which the tree samples the unit directions `wi`, in
+    /// the given lanes that it guides; zero elsewhere.
+    #[inline(always)]
+    fn tree_pdf_w(&self, context: &Context, wi: R::Vec3, lanes: R::Mask) -> R {
+        let tree = tree(context);
+        let guided = lanes & self.fraction.lt(R::splat(1.0));
+        let [pdf_w] = map_vectors::<R, N, 1>(wi, guided, |i, wi| {
+            let directions = tree.directions(self.leaves[i]);
+            [directions.map_or(0.0, |directions| directions.pdf_w(wi))]
+        });
+        pdf_w
+    }
+
+    /// Returns the density of the mixture from those of the BSDF and of the tree.
+    #[inline(always)]
+    fn mixed(&self, bsdf_pdf_w: R, tree_pdf_w: R) -> R {
+        self.fraction * bsdf_pdf_w + (R::splat(1.0) - self.fraction) * tree_pdf_w
+    }
+
     /// Samples directions: see [`Directions::sample`]. With `REVERSE`, also returns the density with
     /// which the BSDF samples the way back.
     #[inline(always)]
