@@ -9,6 +9,7 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::desc::CameraKind;
 use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::Camera;
+use lumbre_light::transport::integrator::bdpt::directions::BsdfDirections;
 use lumbre_light::transport::integrator::bdpt::single;
 use lumbre_light::transport::integrator::bdpt::weights::StrategyCounts;
 use lumbre_light::transport::integrator::oracle::{self, Rule};
@@ -97,6 +98,7 @@ fn expected(scene: &Arc<CompiledScene>, job: &Job, samples: &[SampleAt]) -> Vec<
     let rule = Rule {
         heuristic: context.settings.heuristic(),
         counts: StrategyCounts::ONE_EACH,
+        guide: None,
     };
     let mut subpaths = single::Subpaths::default();
     let mut of_sample = |at: &SampleAt| {
@@ -104,6 +106,7 @@ fn expected(scene: &Arc<CompiledScene>, job: &Job, samples: &[SampleAt]) -> Vec<
         let mut sampler = job.sampler.start(job.seed, at.pixel, at.sample);
         single::for_each_path(
             &context,
+            BsdfDirections,
             at.pixel,
             &mut sampler,
             &mut subpaths,

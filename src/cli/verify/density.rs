@@ -1,5 +1,5 @@
-//! MIS weights and densities of `bdpt`, `vcm` and `lvc`, path by path, compared with the products
-//! that define them. The comparison is deterministic: differences are rounding errors, so a wrong weight is found
+//! MIS weights and densities of `bdpt`, `guided_bdpt`, `vcm` and `lvc`, path by path, compared with
+//! the products that define them. The comparison is deterministic: differences are rounding errors, so a wrong weight is found
 //! even if it hardly changes a picture.
 
 use std::rc::Rc;
@@ -15,6 +15,7 @@ use lumbre_light::scene::load::MissingTextures;
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::{Camera, FilterSpec};
+use lumbre_light::transport::integrator::guided::bidirectional;
 use lumbre_light::transport::integrator::oracle::{self, COARSE, OracleReport, TOLERANCE};
 use lumbre_light::transport::integrator::{
     Context, Settings, bdpt, integrator, lvc, settings, vcm,
@@ -53,6 +54,8 @@ pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
     techniques.push(merging);
     let cached = integrator(lvc::ROW.name).map(Technique::plain);
     techniques.push(cached.ok_or("no integrator `lvc`")?);
+    let guided = integrator(bidirectional::ROW.name).map(Technique::plain);
+    techniques.push(guided.ok_or("no integrator `guided_bdpt`")?);
     let built_in = BuiltIn::unpack()?;
     let mut checks = Vec::new();
     for file in built_in.scenes() {
@@ -101,6 +104,9 @@ fn report(
     }
     if technique.row.name == lvc::ROW.name {
         return Ok(oracle::check_lvc(lend, samples, seed));
+    }
+    if technique.row.name == bidirectional::ROW.name {
+        return Ok(oracle::check_guided_bdpt(lend, samples, seed));
     }
     let mut report = OracleReport::default();
     lend(&mut |context| report = oracle::check(context, samples, seed));

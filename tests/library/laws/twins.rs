@@ -79,6 +79,10 @@ const HOST: &[(&str, &str)] = &[
         "GLSL invocations follow one path each",
     ),
     (
+        "crates/lumbre-light/src/transport/integrator/bdpt/directions.rs",
+        "devices continue paths in directions of the BSDF alone",
+    ),
+    (
         "crates/lumbre-light/src/transport/integrator/bdpt/joins.rs",
         "GLSL invocations follow one path each",
     ),

@@ -20,6 +20,7 @@ use std::collections::BTreeMap;
 
 use self::bdpt::joins::SubpathTechnique;
 use self::camera_path::CameraPaths;
+use self::guided::bidirectional;
 use self::iteration::{Shared, Sharing};
 use super::arrival::SurfaceClasses;
 use super::camera::Camera;
@@ -136,7 +137,7 @@ macro_rules! integrators {
 
 integrators!(
     camera paths: bpt::Bpt, nee::Nee, guided::Guided, sppm::Sppm;
-    subpaths: bdpt::Bdpt, vcm::Vcm, lvc::Lvc
+    subpaths: bdpt::Bdpt, bidirectional::GuidedBdpt, vcm::Vcm, lvc::Lvc
 );
 
 /// Computes one sample of one pixel and passes every contribution to the sink.

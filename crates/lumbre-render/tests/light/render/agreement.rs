@@ -13,6 +13,7 @@ use lumbre_light::scene::compile::{
 };
 use lumbre_light::scene::desc::{ConeDesc, ConeEdge};
 use lumbre_light::transport::contribution::Contribution;
+use lumbre_light::transport::integrator::guided::settings::TRAINING;
 use lumbre_light::transport::integrator::settings::DIRECTIONS;
 use lumbre_light::transport::integrator::{Context, INTEGRATORS, IntegratorRow, integrator};
 use lumbre_light::transport::light::SELECT_FIELD;
@@ -72,11 +73,12 @@ pub fn variants() -> Vec<Technique> {
         .collect()
 }
 
-/// Returns parameters with which `guided` has a tree with many leaves in small pictures; those of
-/// others are returned as they are.
+/// Returns parameters with which guided paths have a tree with many leaves in small pictures; those
+/// of others are returned as they are.
 fn with_trained_tree(row: &IntegratorRow, params: Params) -> Params {
     let trained = [("training", Value::Int(100)), ("split", Value::Num(300.0))];
-    let trained = if row.name == "guided" {
+    let is_guided = row.params.fields.iter().any(|f| f.key == TRAINING.key);
+    let trained = if is_guided {
         super::agreement::params(&trained)
     } else {
         Params::new()
@@ -91,7 +93,12 @@ fn variants_are_all_ways_of_finding_the_light() {
         .map(|(row, params)| format!("{} {params:?}", row.name))
         .collect();
     assert!(names.len() >= 15, "{names:?}");
-    for expected in ["nee {}", "nee {\"lights\"", "bdpt {\"mis\": Str(\"none\")"] {
+    for expected in [
+        "nee {}",
+        "nee {\"lights\"",
+        "bdpt {\"mis\": Str(\"none\")",
+        "guided_bdpt {",
+    ] {
         assert!(
             names.iter().any(|name| name.starts_with(expected)),
             "{expected}: {names:?}"

@@ -7,6 +7,7 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::Material;
 use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::{Camera, FilterSpec};
+use lumbre_light::transport::integrator::bdpt::directions::BsdfDirections;
 use lumbre_light::transport::integrator::bdpt::single::{Subpaths, for_each_path};
 use lumbre_light::transport::integrator::{Context, Settings};
 use lumbre_light::transport::light::Lights;
@@ -103,6 +104,7 @@ fn weights_of_light_from_the_rim_of_a_sphere_are_finite() {
     let mut found = 0;
     for_each_path(
         &context,
+        BsdfDirections,
         [7, 5],
         &mut sampler,
         &mut Subpaths::default(),

@@ -1,4 +1,4 @@
-//! Guided path tracing: less noise where light is hard to find, the same bits however a run is
+//! Guided path tracing and guided bidirectional path tracing: less noise where light is hard to find, the same bits however a run is
 //! split, and scenes without light. That its pictures are right is tested with all other
 //! integrators ([`super::agreement`]).
 
@@ -17,13 +17,21 @@ use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
 use crate::render::agreement::{Technique, technique};
 use crate::render::consistent::{assert_same_bits, assert_splits};
 
-/// Returns guided path tracing with a tree that has leaves in small pictures too.
-fn trained(training: i64, split: f64) -> Technique {
+/// Both guided techniques.
+const GUIDED: [&str; 2] = ["guided", "guided_bdpt"];
+
+/// Returns a guided technique with a tree that has leaves in small pictures too.
+fn trained_as(name: &str, training: i64, split: f64) -> Technique {
     let pairs = [
         ("training", Value::Int(training)),
         ("split", Value::Num(split)),
     ];
-    technique("guided", &pairs)
+    technique(name, &pairs)
+}
+
+/// Returns guided path tracing with such a tree.
+fn trained(training: i64, split: f64) -> Technique {
+    trained_as("guided", training, split)
 }
 
 /// Returns a room whose lamp is behind a wall with a gap at its upper end.
@@ -78,15 +86,31 @@ fn a_hidden_lamp_is_found_with_less_noise_than_by_nee() {
 }
 
 #[test]
+fn a_hidden_lamp_is_found_with_less_noise_than_by_bdpt() {
+    let scene = hidden_lamp();
+    let film = |technique: &Technique| render(&scene, job_of(technique, 16, 6), 256);
+    let plain = film(&technique("bdpt", &[]));
+    let guided = film(&trained_as("guided_bdpt", 2000, 1000.0));
+    let [guided, without] = [&guided, &plain].map(variance);
+    assert!(guided < 0.8 * without, "{guided} and {without}");
+    let all_by_bsdf = technique("guided_bdpt", &[("bsdf_fraction", Value::Num(1.0))]);
+    assert_eq!(film(&all_by_bsdf).sum, plain.sum);
+}
+
+#[test]
 fn any_number_of_threads_and_any_waves_give_the_same_bits() {
     for sampler in [INDEPENDENT, SOBOL] {
-        assert_same_bits(&trained(61, 40.0), sampler);
+        for name in GUIDED {
+            assert_same_bits(&trained_as(name, 61, 40.0), sampler);
+        }
     }
 }
 
 #[test]
 fn a_checkpoint_and_ranges_of_samples_give_the_picture_of_the_whole() {
-    assert_splits(&trained(20, 40.0));
+    for name in GUIDED {
+        assert_splits(&trained_as(name, 20, 40.0));
+    }
 }
 
 #[test]
@@ -126,7 +150,6 @@ fn scenes_without_light_are_black() {
         base_color: Vec3::ZERO,
         ..WHITE
     };
-    let guided = trained(6, 2.0);
     for (scene, lit) in [
         (triangle(grey(0.5)).build(), false),
         (triangle(black).build(), false),
@@ -144,8 +167,11 @@ fn scenes_without_light_are_black() {
         ),
     ] {
         for depth in [1, 2, 7] {
-            let film = render(&scene, job_of(&guided, 6, depth), 3);
-            assert_eq!(film.sum.iter().any(|s| s[0] > 0.0), lit);
+            for name in GUIDED {
+                let guided = trained_as(name, 6, 2.0);
+                let film = render(&scene, job_of(&guided, 6, depth), 3);
+                assert_eq!(film.sum.iter().any(|s| s[0] > 0.0), lit, "{name}");
+            }
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The weights of `bdpt`, `vcm` and `lvc` compared with their definition, over their paths in scenes
+//! The weights of `bdpt`, `guided_bdpt`, `vcm` and `lvc` compared with their definition, over their paths in scenes
 //! of every kind.
 
 use std::sync::Arc;
@@ -43,6 +43,7 @@ fn assert_weights_are_exact(scene: &Arc<CompiledScene>, depth: u32) -> OracleRep
         assert!(report.is_exact(), "{mis} with a tree: {report:?}");
         assert_merging_is_exact(scene, mis, depth, seed as u64);
         assert_cache_is_exact(scene, mis, depth, seed as u64);
+        assert_guided_is_exact(scene, mis, depth, seed as u64);
     }
     last
 }
@@ -71,6 +72,41 @@ fn assert_cache_is_exact(scene: &Arc<CompiledScene>, mis: &str, depth: u32, seed
                 && report.rough_densities * 100 <= report.paths
                 && report.coarse_densities * 1000 <= report.paths,
             "{mis} {connections} {candidates} {photons}: {report:?}"
+        );
+    }
+}
+
+/// Compares 4000 samples of `guided_bdpt` with their definition, for trees with many leaves and
+/// different fractions.
+fn guided_reports(
+    scene: &Arc<CompiledScene>,
+    mis: &str,
+    depth: u32,
+    seed: u64,
+) -> [OracleReport; 2] {
+    [(0.5, "variance"), (0.2, "mean")].map(|(fraction, target)| {
+        let given = params(&[
+            ("mis", mis.into()),
+            ("bsdf_fraction", Value::Num(fraction)),
+            ("target", target.into()),
+            ("training", Value::Int(30)),
+            ("split", Value::Num(200.0)),
+        ]);
+        let lend = |run: &mut dyn FnMut(&Context)| {
+            with_context(scene, FilterSpec::PIXEL, &given, depth, |context| {
+                run(context)
+            });
+        };
+        oracle::check_guided_bdpt(lend, 4000, seed)
+    })
+}
+
+/// Compares the weights of `guided_bdpt` with their definition.
+fn assert_guided_is_exact(scene: &Arc<CompiledScene>, mis: &str, depth: u32, seed: u64) {
+    for report in guided_reports(scene, mis, depth, seed) {
+        assert!(
+            report.paths > 4000 && report.is_exact() && report.worst_weight < 1e-4,
+            "{mis}: {report:?}"
         );
     }
 }
@@ -388,6 +424,48 @@ fn weights_are_exact_with_orthographic_and_spherical_cameras() {
         for s in 1..=5 {
             let paths = report.strategies[s][1];
             assert!(paths > 0, "{kind:?}: no splats with {s} light vertices");
+        }
+    }
+}
+
+/// A room whose lamp is behind a wall with a gap, and one without the gap, where a lamp on the
+/// camera's side is all that trains the tree.
+#[test]
+fn weights_are_exact_where_light_comes_through_a_gap_or_none() {
+    for height in [1.85, 2.0] {
+        let scene = SceneBuilder::new(Vec3::new(0.3, 0.6, 0.9), Vec3::new(-0.7, -0.7, -0.7), 50.0)
+            .room(1.0, grey(0.7))
+            .quad(
+                Vec3::new(0.4, -1.0, 1.0),
+                Vec3::Y * height,
+                Vec3::Z * -2.0,
+                grey(0.7),
+            )
+            .quad(
+                Vec3::new(0.55, -0.6, -0.3),
+                Vec3::Z * 0.6,
+                Vec3::X * 0.3,
+                light(30.0),
+            )
+            .sphere(Vec3::new(-0.5, 0.0, -0.5), 0.1, light(0.5))
+            .build();
+        for mis in ["power", "balance", "none"] {
+            for report in guided_reports(&scene, mis, 6, 3) {
+                // Densities of short edges in the corners of the room are rough.
+                assert!(
+                    report.worst_weight < 1e-4
+                        && report.worst_sum < 1e-4
+                        && report.rough_densities * 20 <= report.paths
+                        && report.coarse_densities * 1000 <= report.paths,
+                    "{mis}: {report:?}"
+                );
+                for s in 0..=4 {
+                    for t in 1.max(2 - s.min(1))..=7 - s {
+                        let paths = report.strategies[s][t];
+                        assert!(paths > 0, "strategy ({s}, {t}) found no path at {height}");
+                    }
+                }
+            }
         }
     }
 }

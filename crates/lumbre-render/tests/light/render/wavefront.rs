@@ -16,8 +16,8 @@ use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 use crate::common::{SceneBuilder, grey, light};
 use crate::render::wavefront_fixtures::{
     DISNEY, assert_same_bits, assert_same_film_bits, interfaces, materials, nee_job, room,
-    with_bdpt, with_bpt, with_guided, with_lvc, with_sppm, with_technique, with_time_axis,
-    with_vcm,
+    with_bdpt, with_bpt, with_guided, with_guided_bdpt, with_lvc, with_sppm, with_technique,
+    with_time_axis, with_vcm,
 };
 
 #[test]
@@ -31,6 +31,7 @@ fn every_material_has_the_same_bits_in_lanes() {
         assert_same_bits(name, &scene, with_vcm(nee_job([29, 17], 6)), 2);
         assert_same_bits(name, &scene, with_lvc(nee_job([29, 17], 6)), 2);
         assert_same_bits(name, &scene, with_guided(nee_job([29, 17], 6)), 5);
+        assert_same_bits(name, &scene, with_guided_bdpt(nee_job([29, 17], 6)), 3);
     }
 }
 
@@ -42,6 +43,7 @@ fn every_model_of_an_interface_has_the_same_bits_in_lanes() {
         assert_same_bits(&name, &scene, job.clone(), 5);
         assert_same_film_bits(&name, &scene, with_bpt(job.clone()), 5);
         assert_same_film_bits(&name, &scene, with_guided(job.clone()), 5);
+        assert_same_film_bits(&name, &scene, with_guided_bdpt(job.clone()), 3);
         assert_same_film_bits(&name, &scene, with_vcm(job.clone()), 2);
         assert_same_film_bits(&name, &scene, with_lvc(job.clone()), 2);
         assert_same_bits(&name, &scene, with_bdpt(job), 3);
@@ -221,6 +223,7 @@ fn every_mask_has_the_same_bits_in_lanes() {
             with_bdpt(nee_job([29, 17], 6)),
             with_vcm(nee_job([29, 17], 6)),
             with_lvc(nee_job([29, 17], 6)),
+            with_guided_bdpt(nee_job([29, 17], 6)),
         ] {
             let sum = |scene: &Arc<CompiledScene>| {
                 let mut renderer = CpuRenderer::new(Arc::clone(scene), job.clone()).unwrap();
@@ -278,6 +281,7 @@ fn every_setting_has_the_same_bits_in_lanes() {
         assert_same_bits(name, &scene, job.clone(), 5);
         assert_same_bits(name, &scene, with_bdpt(job.clone()), 5);
         assert_same_bits(name, &scene, with_vcm(job.clone()), 2);
+        assert_same_bits(name, &scene, with_guided_bdpt(job.clone()), 2);
         assert_same_bits(name, &scene, with_lvc(job), 2);
     }
     let one = |s: i64, t: i64, more: &[(&str, Value)]| {
@@ -467,6 +471,7 @@ fn waves_and_checkpoints_of_a_film_with_a_time_axis_have_the_same_bits_in_lanes(
     for job in [
         with_time_axis(&nee_job([19, 11], 4)),
         with_time_axis(&with_bdpt(nee_job([19, 11], 4))),
+        with_time_axis(&with_guided_bdpt(nee_job([19, 11], 4))),
         with_time_axis(&with_vcm(nee_job([19, 11], 4))),
         with_time_axis(&with_lvc(nee_job([19, 11], 4))),
     ] {

@@ -19,16 +19,23 @@ use lumbre_render::cpu::renderer::CpuRenderer;
 
 use super::wavefront_fixtures::{
     DISNEY, FLOOR, assert_same_bits, assert_same_film_bits, interfaces, materials, nee_job, room,
-    with_bdpt, with_bpt, with_lvc, with_sppm, with_time_axis, with_vcm,
+    with_bdpt, with_bpt, with_guided_bdpt, with_lvc, with_sppm, with_time_axis, with_vcm,
 };
 use crate::common::{grey, render};
 use crate::transient::composed::{PARTS, desc};
 
 /// Returns the job with every technique.
-fn techniques(job: &Job) -> [Job; 6] {
-    let with = [with_bpt, with_bdpt, with_sppm, with_vcm, with_lvc];
-    let [a, b, c, d, e] = with.map(|with| with(job.clone()));
-    [job.clone(), a, b, c, d, e]
+fn techniques(job: &Job) -> [Job; 7] {
+    let with = [
+        with_bpt,
+        with_bdpt,
+        with_sppm,
+        with_vcm,
+        with_lvc,
+        with_guided_bdpt,
+    ];
+    let [a, b, c, d, e, f] = with.map(|with| with(job.clone()));
+    [job.clone(), a, b, c, d, e, f]
 }
 
 #[test]

@@ -362,10 +362,17 @@ pub fn with_lvc(job: Job) -> Job {
     with_technique(job, "lvc", &params)
 }
 
-/// Returns the job with `guided` and a tree of several leaves.
+/// Parameters with which the tree of guided paths has several leaves.
+const TRAINED: [(&str, Value); 2] = [("training", Value::Int(12)), ("split", Value::Num(500.0))];
+
+/// Returns the job with `guided`.
 pub fn with_guided(job: Job) -> Job {
-    let params = [("training", Value::Int(12)), ("split", Value::Num(500.0))];
-    with_technique(job, "guided", &params)
+    with_technique(job, "guided", &TRAINED)
+}
+
+/// Returns the job with `guided_bdpt`.
+pub fn with_guided_bdpt(job: Job) -> Job {
+    with_technique(job, "guided_bdpt", &TRAINED)
 }
 
 /// Returns the job with a time axis on which most light arrives, and some before it and after it.

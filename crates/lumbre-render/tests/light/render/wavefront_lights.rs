@@ -6,8 +6,8 @@ use lumbre_light::scene::desc::{ConeDesc, ConeEdge};
 
 use crate::common::{SceneBuilder, light};
 use crate::render::wavefront_fixtures::{
-    DISNEY, assert_same_bits, assert_same_film_bits, nee_job, with_bdpt, with_bpt, with_lvc,
-    with_sppm, with_vcm,
+    DISNEY, assert_same_bits, assert_same_film_bits, nee_job, with_bdpt, with_bpt,
+    with_guided_bdpt, with_lvc, with_sppm, with_vcm,
 };
 
 #[test]
@@ -165,7 +165,7 @@ fn every_kind_of_light_has_the_same_bits_in_lanes() {
         let scene = scene.build();
         assert_same_bits(name, &scene, nee_job([31, 19], 5), 9);
         assert_same_bits(name, &scene, with_bdpt(nee_job([31, 19], 5)), 5);
-        for with in [with_sppm, with_vcm, with_lvc] {
+        for with in [with_sppm, with_vcm, with_lvc, with_guided_bdpt] {
             assert_same_film_bits(name, &scene, with(nee_job([31, 19], 5)), 2);
         }
         if name == "all of them" {

@@ -3,6 +3,7 @@
 
 use glam::Vec3;
 
+use super::directions::SubpathDirections;
 use super::state::{CameraEnd, LightStart, Vertex, VertexState};
 use super::weights::{LightEnd, MisPartials, others_interior, others_s1, others_s1_t1, others_t1};
 use crate::math::real::{Double, Mask, Real, Vector};
@@ -88,6 +89,7 @@ fn nonzero<R: Real>(value: R::Vec3) -> R::Mask {
 #[inline(always)]
 pub fn connect_s1<R: Lanes<N>, const N: usize>(
     context: &Context,
+    directions: impl SubpathDirections,
     z: &Vertex<R>,
     sampler: &mut Sampler<R>,
     lanes: R::Mask,
@@ -105,7 +107,7 @@ pub fn connect_s1<R: Lanes<N>, const N: usize>(
     if !lanes.any() {
         return None;
     }
-    let at_z = z
+    let mut at_z = z
         .bsdf
         .values::<true>(&z.out, d.wi, TransportMode::Radiance, lanes);
     let unweighted = z.state.throughput * at_z.f * z.state.cos(d.wi) * d.radiance / d.pdf_w;
@@ -113,6 +115,7 @@ pub fn connect_s1<R: Lanes<N>, const N: usize>(
     if !lanes.any() {
         return None;
     }
+    at_z.pdf_w = directions.pdf_w::<R, N>(context, z, d.wi, at_z.pdf_w, lanes);
     let (from, at) = (z.state.point(), [d.point.position, d.point.normal]);
     let end = LightEnd::new(&lights, at, -d.wi, from);
     let length = match context.timing {
@@ -145,8 +148,9 @@ pub fn connect_s1<R: Lanes<N>, const N: usize>(
 /// Evaluates camera vertices towards light vertices at `y`: the first half of a connection with `s
 /// >= 2`, `t >= 2`. Returns the lanes in which light may pass.
 #[inline(always)]
-pub fn camera_end<R: Real>(
+pub fn camera_end<R: Lanes<N>, const N: usize>(
     context: &Context,
+    directions: impl SubpathDirections,
     z: &Vertex<R>,
     y: R::Vec3,
     lanes: R::Mask,
@@ -166,13 +170,14 @@ pub fn camera_end<R: Real>(
         None => R::splat(1.0),
         Some(_) => z.bsdf.index_ratio(z.out.wo, wi),
     };
+    let lanes = lanes & nonzero::<R>(f);
     let end = CameraEnd {
         f,
-        pdf_w,
+        pdf_w: directions.pdf_w::<R, N>(context, z, wi, pdf_w, lanes),
         reverse_pdf_w,
         ratio,
     };
-    (lanes & nonzero::<R>(f), end)
+    (lanes, end)
 }
 
 /// Connects with `s >= 2`, `t >= 2`: light vertices and camera vertices, which are lifted where
@@ -180,6 +185,7 @@ pub fn camera_end<R: Real>(
 #[inline(always)]
 pub fn connect<R: Lanes<N>, const N: usize>(
     context: &Context,
+    directions: impl SubpathDirections,
     y: &Vertex<R>,
     (z, z_partials): (&VertexState<R>, MisPartials<R::Double>),
     at_z: &CameraEnd<R>,
@@ -189,7 +195,7 @@ pub fn connect<R: Lanes<N>, const N: usize>(
     let distance2 = edge.length_squared();
     let wi = edge / distance2.sqrt();
     let lanes = lanes & y.out.same_side;
-    let at_y = y
+    let mut at_y = y
         .bsdf
         .values::<true>(&y.out, -wi, TransportMode::Importance, lanes);
     let unweighted =
@@ -199,6 +205,7 @@ pub fn connect<R: Lanes<N>, const N: usize>(
     if !lanes.any() {
         return None;
     }
+    at_y.reverse_pdf_w = directions.back_pdf_w::<R, N>(context, y, at_y.reverse_pdf_w);
     let length = match context.timing {
         None => R::Double::splat(0.0),
         Some(_) => {
@@ -241,8 +248,8 @@ pub fn connect<R: Lanes<N>, const N: usize>(
 #[inline(always)]
 pub fn connect_t1<R: Lanes<N>, const N: usize>(
     context: &Context,
-    y: &Vertex<R>,
-    emitted: R,
+    directions: impl SubpathDirections,
+    (y, emitted): (&Vertex<R>, R),
     sampler: &mut Sampler<R>,
     lanes: R::Mask,
 ) -> Option<(Connection<R, N>, LensPoints<R, N>)> {
@@ -254,7 +261,7 @@ pub fn connect_t1<R: Lanes<N>, const N: usize>(
         return None;
     }
     let importance = weight * at.pdf_w / (at.distance * at.distance);
-    let at_y = y
+    let mut at_y = y
         .bsdf
         .values::<true>(&y.out, -at.dir, TransportMode::Importance, lanes);
     let unweighted = y.state.throughput * at_y.f * y.state.cos(-at.dir) * importance;
@@ -262,6 +269,7 @@ pub fn connect_t1<R: Lanes<N>, const N: usize>(
     if !lanes.any() {
         return None;
     }
+    at_y.reverse_pdf_w = directions.back_pdf_w::<R, N>(context, y, at_y.reverse_pdf_w);
     let [position, n] = y.state.point();
     let spread = vertex::area_factor(at.lens, position, n);
     let h = context.settings.heuristic();

@@ -12,6 +12,7 @@
 //! the parts that only other techniques use.
 
 pub mod connect;
+pub mod directions;
 pub mod draw;
 pub mod joins;
 pub mod merge;
@@ -21,6 +22,7 @@ pub mod store;
 pub mod subpath;
 pub mod weights;
 
+use self::directions::BsdfDirections;
 use self::joins::{Joins, SubpathTechnique};
 use super::{Context, IntegratorRow, settings};
 use crate::transport::light::SELECT_FIELD;
@@ -47,14 +49,18 @@ pub const ROW: IntegratorRow = IntegratorRow {
     splats: true,
     bias: None,
     sharing: None,
-    sample: single::sample,
+    sample: |context, pixel, sampler, sink| {
+        single::sample(context, BsdfDirections, pixel, sampler, sink);
+    },
 };
 
 /// Bidirectional path tracing.
 pub struct Bdpt;
 
 impl SubpathTechnique for Bdpt {
-    fn joins<'a>(_: &Context<'a>) -> Joins<'a> {
-        Joins::EACH
+    type Directions = BsdfDirections;
+
+    fn joins<'a>(_: &Context<'a>) -> Joins<'a, BsdfDirections> {
+        Joins::each(BsdfDirections)
     }
 }

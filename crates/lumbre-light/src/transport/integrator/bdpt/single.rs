@@ -5,6 +5,7 @@ use std::cell::RefCell;
 use glam::Vec3;
 
 use super::connect::{self, Connection};
+use super::directions::SubpathDirections;
 use super::state::{LightStart, ShadingState, Subpath, Vertex};
 use super::store::VertexId;
 use super::subpath::{Departure, Step, StepSink};
@@ -122,15 +123,17 @@ thread_local! {
     static SUBPATHS: RefCell<Subpaths> = RefCell::default();
 }
 
-/// Computes one sample of one pixel: see [`SampleFn`](crate::transport::integrator::SampleFn).
+/// Computes one sample of one pixel, whose camera subpath continues in the given directions: see
+/// [`SampleFn`](crate::transport::integrator::SampleFn).
 pub fn sample(
     context: &Context,
+    directions: impl SubpathDirections,
     pixel: [u32; 2],
     sampler: &mut Sampler,
     sink: &mut dyn FnMut(Contribution),
 ) {
     SUBPATHS.with_borrow_mut(|subpaths| {
-        for_each_path(context, pixel, sampler, subpaths, &mut |path| {
+        for_each_path(context, directions, pixel, sampler, subpaths, &mut |path| {
             sink(path.contribution)
         });
     });
@@ -139,16 +142,18 @@ pub fn sample(
 /// Traces both subpaths of one sample and visits every path found by connecting them.
 pub fn for_each_path(
     context: &Context,
+    directions: impl SubpathDirections,
     pixel: [u32; 2],
     sampler: &mut Sampler,
     subpaths: &mut Subpaths,
     visit: &mut dyn FnMut(ConnectedPath),
 ) {
     let counts = StrategyCounts::ONE_EACH;
-    subpaths.trace(context, &counts, pixel, sampler);
+    subpaths.trace(context, (directions, &counts), pixel, sampler);
     let subpaths = &*subpaths;
     let mut reporter = Reporter {
         context,
+        directions,
         counts,
         subpaths,
         pixel,
@@ -165,9 +170,11 @@ pub fn for_each_path(
 }
 
 /// Traces the shadow rays of connections, and passes contributions to a visitor.
-pub struct Reporter<'a, 'v> {
+pub struct Reporter<'a, 'v, D> {
     /// Everything that stays the same from sample to sample.
     pub context: &'a Context<'a>,
+    /// Directions in which camera subpaths continue.
+    pub directions: D,
     /// Numbers of samples of the strategies that the weights combine.
     pub counts: StrategyCounts,
     /// The subpaths that are connected.
@@ -178,7 +185,7 @@ pub struct Reporter<'a, 'v> {
     pub visit: &'v mut dyn FnMut(ConnectedPath),
 }
 
-impl Reporter<'_, '_> {
+impl<D: SubpathDirections> Reporter<'_, '_, D> {
     /// Reports the light that the camera subpath found outside the scene.
     pub fn report_escape(&mut self) {
         if let Some((connection, t)) = &self.subpaths.escape {
@@ -210,12 +217,16 @@ impl Reporter<'_, '_> {
 
     /// Connects the camera vertex number `t` to a sampled light.
     pub fn connect_light(&mut self, z: &Vertex, t: u32, sampler: &mut Sampler) {
-        let context = self.context;
+        let Reporter {
+            context,
+            directions,
+            ..
+        } = *self;
         if context.settings.includes(1, t) {
             let mut lifted = *z;
             let lifts = lifted.lift();
             for z in std::iter::once(z).chain(lifts.then_some(&lifted)) {
-                if let Some(c) = connect::connect_s1(context, z, sampler, true) {
+                if let Some(c) = connect::connect_s1(context, directions, z, sampler, true) {
                     self.report(&c, [1, t]);
                 }
             }
@@ -225,17 +236,18 @@ impl Reporter<'_, '_> {
     /// Returns the connection of the camera vertex number `t` with vertex number `s` of a light
     /// subpath; `None` if it finds no light or gives a path that is too long.
     pub fn connection(&self, y: &Vertex, z: &Vertex, [s, t]: [u32; 2]) -> Option<Connection> {
-        let context = self.context;
+        let (context, directions) = (self.context, self.directions);
         if s + t - 1 > context.max_depth
             || !y.bsdf.has_density()
             || !context.settings.includes(s, t)
         {
             return None;
         }
-        let (lit, end) = connect::camera_end(context, z, y.state.position, true);
+        let (lit, end) =
+            connect::camera_end::<f32, 1>(context, directions, z, y.state.position, true);
         let from = z.state.towards_light(&z.terminator, y.state.position);
         if lit {
-            connect::connect(context, y, (&from, z.partials), &end, true)
+            connect::connect(context, directions, y, (&from, z.partials), &end, true)
         } else {
             None
         }
@@ -244,7 +256,10 @@ impl Reporter<'_, '_> {
     /// Connects the light subpath to the lens: its start and all its vertices.
     pub fn connect_lens(&mut self, sampler: &mut Sampler) {
         let Reporter {
-            context, subpaths, ..
+            context,
+            directions,
+            subpaths,
+            ..
         } = *self;
         if context.settings.includes(1, 1)
             && let Some(start) = &subpaths.start
@@ -253,10 +268,11 @@ impl Reporter<'_, '_> {
             self.report_at(&c, [1, 1], lens.pixels[0], lens.at.lens, None);
         }
         for (y, s) in subpaths.light.iter().zip(2..) {
-            let (y, emitted) = (&y.vertex, subpaths.emitted);
+            let y = &y.vertex;
             if y.bsdf.has_density()
                 && context.settings.includes(s, 1)
-                && let Some((c, lens)) = connect::connect_t1(context, y, emitted, sampler, true)
+                && let Some((c, lens)) =
+                    connect::connect_t1(context, directions, (y, subpaths.emitted), sampler, true)
             {
                 self.report_at(&c, [s, 1], lens.pixels[0], lens.at.lens, None);
             }
@@ -324,11 +340,11 @@ impl Subpaths {
     fn trace(
         &mut self,
         context: &Context,
-        counts: &StrategyCounts,
+        (directions, counts): (impl SubpathDirections, &StrategyCounts),
         pixel: [u32; 2],
         sampler: &mut Sampler,
     ) {
-        let mut subpath = self.trace_camera(context, counts, pixel, sampler);
+        let mut subpath = self.trace_camera(context, (directions, counts), pixel, sampler);
         if context.max_depth > 0 {
             let (start, light, continues) =
                 Subpath::from_light(context, subpath.path, self.emitted, true);
@@ -337,7 +353,7 @@ impl Subpaths {
             if continues {
                 let max_edges = context.max_depth - 1;
                 let mode = TransportMode::Importance;
-                self.walk(context, counts, mode, max_edges, &mut subpath);
+                self.walk(context, (directions, counts), mode, max_edges, &mut subpath);
             }
         }
         *sampler = subpath.path.sampler;
@@ -348,7 +364,7 @@ impl Subpaths {
     pub fn trace_camera(
         &mut self,
         context: &Context,
-        counts: &StrategyCounts,
+        (directions, counts): (impl SubpathDirections, &StrategyCounts),
         pixel: [u32; 2],
         sampler: &mut Sampler,
     ) -> Subpath<f32> {
@@ -365,7 +381,8 @@ impl Subpaths {
         self.start = None;
         self.light.clear();
         let mode = TransportMode::Radiance;
-        self.walk(context, counts, mode, context.max_depth, &mut subpath);
+        let max_edges = context.max_depth;
+        self.walk(context, (directions, counts), mode, max_edges, &mut subpath);
         *sampler = subpath.path.sampler;
         subpath
     }
@@ -382,7 +399,7 @@ impl Subpaths {
     fn walk(
         &mut self,
         context: &Context,
-        counts: &StrategyCounts,
+        (directions, counts): (impl SubpathDirections, &StrategyCounts),
         mode: TransportMode,
         max_edges: u32,
         subpath: &mut Subpath<f32>,
@@ -419,7 +436,7 @@ impl Subpaths {
                 counts: *counts,
             };
             let mut found = Found::default();
-            let departure = subpath.scatter(context, step, &arrival, true, &mut found);
+            let departure = subpath.scatter(context, directions, step, &arrival, true, &mut found);
             if from_camera {
                 self.hits.push(found.light);
             }

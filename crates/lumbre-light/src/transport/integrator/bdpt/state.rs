@@ -54,6 +54,12 @@ record! {
         delay: Real,
         /// Index of the last medium: see [`OpticalLength::index`].
         index: Real,
+        /// Index of the region of space that guides camera subpaths there, or
+        /// [`NONE`](crate::scene::compile::NONE).
+        region: Word,
+        /// At guided vertices of light subpaths, density per solid angle with which the region
+        /// samples `wo`; elsewhere 0.
+        guided_back_w: Real,
     }
 }
 

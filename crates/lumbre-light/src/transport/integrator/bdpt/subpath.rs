@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use super::connect::Connection;
+use super::directions::SubpathDirections;
 use super::state::{LightStart, MisState, ShadingState, Subpath, Vertex, VertexState};
 use super::weights::{EdgePartials, LightEnd, MisEdge, MisEndpoint, StrategyCounts, others_s0};
 use crate::math::real::{Double, Mask, Real, Vector, Word};
@@ -141,6 +142,7 @@ impl<R: Real> Subpath<R> {
     pub fn scatter<const N: usize>(
         &mut self,
         context: &Context,
+        directions: impl SubpathDirections,
         step: Step,
         arrival: &Arrival<R, N>,
         mut lanes: R::Mask,
@@ -182,11 +184,19 @@ impl<R: Real> Subpath<R> {
         if unconnected || !lanes.any() {
             return end;
         }
-        let (vertex, shading) = self.vertex(context, arrival, &surface, optical, &endpoint);
+        let (mut vertex, shading) = self.vertex(context, arrival, &surface, optical, &endpoint);
+        directions.prepare::<R, N>(context, &mut vertex, step.mode, lanes);
         let departure = if step.edge == step.max_edges {
             end
         } else {
-            self.depart(context, step, (&vertex, &surface), optical, lanes)
+            self.depart(
+                context,
+                directions,
+                step,
+                (&vertex, &surface),
+                optical,
+                lanes,
+            )
         };
         sink.add_vertices(lanes, (&vertex, &shading), &departure);
         departure
@@ -236,6 +246,8 @@ impl<R: Real> Subpath<R> {
             delays,
             delay,
             index,
+            region: R::Word::splat(NONE),
+            guided_back_w: zero,
         };
         let vertex = Vertex {
             state,
@@ -276,6 +288,7 @@ impl<R: Real> Subpath<R> {
     fn depart<const N: usize>(
         &mut self,
         context: &Context,
+        directions: impl SubpathDirections,
         Step {
             mode, edge, counts, ..
         }: Step,
@@ -288,11 +301,10 @@ impl<R: Real> Subpath<R> {
     {
         let path = &mut self.path;
         let before = path.sampler;
-        let [choice, u, v] = path.sampler.next_three();
+        let numbers = path.sampler.next_three();
         path.sampler.keep(lanes, &before);
-        let (sampled, s, reverse) = vertex
-            .bsdf
-            .samples::<true>(&vertex.out, choice, [u, v], mode);
+        let (sampled, s, reverse) =
+            directions.sample::<R, N>(context, vertex, numbers, mode, lanes);
         let lanes = lanes & sampled & vertex.out.same_side;
         // Undo the scaling of radiance by refraction, so that roulette judges the expected
         // contribution.

@@ -18,8 +18,9 @@
 //! - All samples use the same tree, so they have the same variance and equal weights. The pictures
 //!   of training paths are not used: they would have to be weighted by the inverse of their
 //!   variance [Müller 2019], and the best of them has about as many paths as half of `training`.
-//! - Light subpaths are not guided.
+//! - [`bidirectional`] guides the camera subpaths of `bdpt` by the same tree.
 
+pub mod bidirectional;
 pub mod direction_tree;
 pub mod sd_tree;
 pub mod settings;
@@ -39,6 +40,7 @@ use super::nee;
 use super::{Context, IntegratorRow, settings as common};
 use crate::math::real::{Mask, Vector};
 use crate::math::simd::{Lanes, active_lanes, map_vectors};
+use crate::scene::compile::NONE;
 use crate::transport::bsdf::{BsdfSample, TransportMode};
 use crate::transport::light::SELECT_FIELD;
 use crate::transport::mis;
@@ -67,15 +69,18 @@ pub const ROW: IntegratorRow = IntegratorRow {
     },
     splats: false,
     bias: None,
-    sharing: Some(Sharing {
-        prepare: training::prepare,
-        begin: training::begin,
-        vertex_bytes: training::VERTEX_BYTES,
-        batch: Some(training::BATCH),
-        fixed_bytes: |settings| settings.guiding.tree_bytes(),
-        constant: true,
-    }),
+    sharing: Some(SHARING),
     sample: camera_path::sample::<Guided>,
+};
+
+/// The functions that train the tree, which all iterations share.
+const SHARING: Sharing = Sharing {
+    prepare: training::prepare,
+    begin: training::begin,
+    vertex_bytes: training::VERTEX_BYTES,
+    batch: Some(training::BATCH),
+    fixed_bytes: |settings| settings.guiding.tree_bytes(),
+    constant: true,
 };
 
 /// Guided path tracing.
@@ -110,7 +115,7 @@ impl CameraPaths for Guided {
 /// Mixture of the directions of the BSDF and of the tree, in each lane.
 #[derive(Clone, Copy)]
 struct MixedDirections<R, const N: usize> {
-    /// Leaves of the tree.
+    /// Leaves of the tree, or [`NONE`] in lanes that it does not guide.
     leaves: [u32; N],
     /// Probability of sampling the BSDF: one in lanes that the tree does not guide.
     fraction: R,
@@ -135,11 +140,42 @@ impl<R: Lanes<N>, const N: usize> Directions<R, N> for MixedDirections<R, N> {
             position.y().store(),
             position.z().store(),
         );
-        let (mut leaves, mut fraction) = ([0; N], [1.0; N]);
+        let mut leaves = [NONE; N];
         for i in active_lanes(smooth.bits()) {
-            leaves[i] = tree.leaf_at(Vec3::new(x[i], y[i], z[i]));
-            if tree.directions(leaves[i]).is_some() {
-                fraction[i] = context.settings.guiding.bsdf_fraction;
+            let leaf = tree.leaf_at(Vec3::new(x[i], y[i], z[i]));
+            if tree.directions(leaf).is_some() {
+                leaves[i] = leaf;
+            }
+        }
+        MixedDirections::in_leaves(context, leaves)
+    }
+
+    #[inline(always)]
+    fn pdf_w(&self, context: &Context, wi: R::Vec3, bsdf_pdf_w: R, lanes: R::Mask) -> R {
+        self.mixed(bsdf_pdf_w, self.tree_pdf_w(context, wi, lanes))
+    }
+
+    #[inline(always)]
+    fn sample(
+        &self,
+        context: &Context,
+        vertex: SurfaceVertex<'_, R>,
+        numbers: [R; 3],
+        lanes: R::Mask,
+    ) -> (R::Mask, BsdfSample<R>) {
+        let (some, s, _) = self.sample_reversible::<false>(context, vertex, numbers, lanes);
+        (some, s)
+    }
+}
+
+impl<R: Lanes<N>, const N: usize> MixedDirections<R, N> {
+    /// Returns the mixture in leaves of the tree, or of the BSDF alone where they are [`NONE`].
+    #[inline(always)]
+    fn in_leaves(context: &Context, leaves: [u32; N]) -> MixedDirections<R, N> {
+        let mut fraction = [1.0; N];
+        for (fraction, leaf) in fraction.iter_mut().zip(&leaves) {
+            if *leaf != NONE {
+                *fraction = context.settings.guiding.bsdf_fraction;
             }
         }
         MixedDirections {
@@ -148,33 +184,42 @@ impl<R: Lanes<N>, const N: usize> Directions<R, N> for MixedDirections<R, N> {
         }
     }
 
+    /// Returns the density per solid angle with which the tree samples the unit directions `wi`, in
+    /// the given lanes that it guides; zero elsewhere.
     #[inline(always)]
-    fn pdf_w(&self, context: &Context, wi: R::Vec3, bsdf_pdf_w: R, lanes: R::Mask) -> R {
-        let one = R::splat(1.0);
+    fn tree_pdf_w(&self, context: &Context, wi: R::Vec3, lanes: R::Mask) -> R {
         let tree = tree(context);
-        let guided = lanes & self.fraction.lt(one);
+        let guided = lanes & self.fraction.lt(R::splat(1.0));
         let [pdf_w] = map_vectors::<R, N, 1>(wi, guided, |i, wi| {
             let directions = tree.directions(self.leaves[i]);
             [directions.map_or(0.0, |directions| directions.pdf_w(wi))]
         });
-        self.fraction * bsdf_pdf_w + (one - self.fraction) * pdf_w
+        pdf_w
     }
 
+    /// Returns the density of the mixture from those of the BSDF and of the tree.
     #[inline(always)]
-    fn sample(
+    fn mixed(&self, bsdf_pdf_w: R, tree_pdf_w: R) -> R {
+        self.fraction * bsdf_pdf_w + (R::splat(1.0) - self.fraction) * tree_pdf_w
+    }
+
+    /// Samples directions: see [`Directions::sample`]. With `REVERSE`, also returns the density with
+    /// which the BSDF samples the way back.
+    #[inline(always)]
+    fn sample_reversible<const REVERSE: bool>(
         &self,
         context: &Context,
         (bsdf, out, n): SurfaceVertex<'_, R>,
         [choice, u, v]: [R; 3],
         lanes: R::Mask,
-    ) -> (R::Mask, BsdfSample<R>) {
+    ) -> (R::Mask, BsdfSample<R>, R) {
         let one = R::splat(1.0);
         let mode = TransportMode::Radiance;
         let stretched = (choice / self.fraction).min(R::splat(BELOW_ONE));
-        let (some, s, _) = bsdf.samples::<false>(out, stretched, [u, v], mode);
+        let (some, s, reverse) = bsdf.samples::<REVERSE>(out, stretched, [u, v], mode);
         let guided = lanes & self.fraction.lt(one);
         if !guided.any() {
-            return (some, s);
+            return (some, s, reverse);
         }
         let by_tree = guided & !choice.lt(self.fraction);
         let tree = tree(context);
@@ -184,7 +229,7 @@ impl<R: Lanes<N>, const N: usize> Directions<R, N> for MixedDirections<R, N> {
             dir.unwrap_or_default().to_array()
         });
         let wi = R::Vec3::select(by_tree, R::Vec3::new(x, y, z), s.wi);
-        let value = bsdf.values::<false>(out, wi, mode, by_tree);
+        let value = bsdf.values::<REVERSE>(out, wi, mode, by_tree);
         let of_tree = value.f * wi.dot(n).abs();
         let f_cos = R::Vec3::select(by_tree, of_tree, s.weight * s.pdf_w);
         let bsdf_pdf_w = R::select(by_tree, value.pdf_w, s.pdf_w);
@@ -199,7 +244,8 @@ impl<R: Lanes<N>, const N: usize> Directions<R, N> for MixedDirections<R, N> {
             delta,
             eta: R::select(by_tree, bsdf.index_ratio(out.wo, wi), s.eta),
         };
-        (some, sample)
+        let reverse = R::select(by_tree, value.reverse_pdf_w, reverse);
+        (some, sample, reverse)
     }
 }
 

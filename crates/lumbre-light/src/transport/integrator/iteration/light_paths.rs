@@ -8,6 +8,7 @@ use crate::transport::arrival::{Arrival, HitState};
 use crate::transport::bsdf::TransportMode;
 use crate::transport::integrator::Context;
 use crate::transport::integrator::bdpt::connect::Connection;
+use crate::transport::integrator::bdpt::directions::BsdfDirections;
 use crate::transport::integrator::bdpt::draw::CachedVertex;
 use crate::transport::integrator::bdpt::single::SubpathVertex;
 use crate::transport::integrator::bdpt::state::{
@@ -184,7 +185,7 @@ fn follow(
             components,
         };
         let mut sink = StoreSink { at, store };
-        let departure = subpath.scatter(context, step, &arrival, true, &mut sink);
+        let departure = subpath.scatter(context, BsdfDirections, step, &arrival, true, &mut sink);
         continues = departure.continues;
     }
     start

@@ -23,6 +23,7 @@ pub mod cache;
 use std::cell::RefCell;
 
 use super::bdpt::connect::Connection;
+use super::bdpt::directions::BsdfDirections;
 use super::bdpt::draw::{CachedVertex, LightVertexCache, choose, target};
 use super::bdpt::joins::{Joins, SubpathTechnique};
 use super::bdpt::single::{ConnectedPath, Drawn, Reporter, Subpaths};
@@ -117,9 +118,10 @@ pub fn for_each_path(
         candidates,
     } = buffers;
     let cache: &LightVertexCache = context.shared();
-    subpaths.trace_camera(context, &cache.counts, pixel, sampler);
+    subpaths.trace_camera(context, (BsdfDirections, &cache.counts), pixel, sampler);
     let mut reporter = Reporter {
         context,
+        directions: BsdfDirections,
         counts: cache.counts,
         subpaths,
         pixel,
@@ -147,6 +149,7 @@ pub fn for_each_path(
         subpaths.load_light(context, &cache.paths, path);
         Reporter {
             context,
+            directions: BsdfDirections,
             counts: cache.counts,
             subpaths,
             pixel,
@@ -158,7 +161,7 @@ pub fn for_each_path(
 
 /// Connects the camera vertex number `t` with one of several drawn vertices.
 fn connect_cache(
-    reporter: &mut Reporter,
+    reporter: &mut Reporter<BsdfDirections>,
     cache: &LightVertexCache,
     (z, t): (&Vertex, u32),
     [choice, u, v]: [f32; 3],
@@ -196,9 +199,12 @@ fn connect_cache(
 pub struct Lvc;
 
 impl SubpathTechnique for Lvc {
-    fn joins<'a>(context: &Context<'a>) -> Joins<'a> {
+    type Directions = BsdfDirections;
+
+    fn joins<'a>(context: &Context<'a>) -> Joins<'a, BsdfDirections> {
         let cache: &LightVertexCache = context.shared();
         Joins {
+            directions: BsdfDirections,
             counts: cache.counts,
             shared: Some(&cache.paths),
             merging: None,

@@ -1,17 +1,21 @@
-//! A slow reference for the MIS weights of `bdpt`, `vcm` and `lvc`: computes the density of every
+//! A slow reference for the MIS weights of `bdpt`, `guided_bdpt`, `vcm` and `lvc`: computes the density of every
 //! strategy of a path as the product that defines it, and the weights that follow. It shares with
 //! them only the densities of single events.
 
+mod guide;
 mod path;
 mod split;
 
+pub use guide::Guide;
 pub use path::{ByStrategy, Path, ScatterVertex};
 pub use split::fast_weights;
 
 use super::Context;
+use super::bdpt::directions::BsdfDirections;
 use super::bdpt::draw::LightVertexCache;
 use super::bdpt::single::{self, ConnectedPath, SharedVertex, Subpaths};
 use super::bdpt::weights::StrategyCounts;
+use super::guided::bidirectional::{self, GuidedDirections};
 use super::iteration::light_paths::LightPaths;
 use super::iteration::{Iteration, Resources, Shared, Sharing, Workers};
 use super::lvc;
@@ -23,11 +27,13 @@ use crate::transport::sampler::{INDEPENDENT, Sampler};
 
 /// Parameters of the weights, besides the path.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rule {
+pub struct Rule<'a> {
     /// Heuristic of the weights.
     pub heuristic: Heuristic,
     /// Numbers of samples of the strategies.
     pub counts: StrategyCounts,
+    /// Tree by which camera subpaths are guided, if there is one.
+    pub guide: Option<Guide<'a>>,
 }
 
 /// The results of [`check`]. All errors are relative; zero is exact.
@@ -117,10 +123,56 @@ pub fn check(context: &Context, samples: u64, seed: u64) -> OracleReport {
     let rule = Rule {
         heuristic: context.settings.heuristic(),
         counts: StrategyCounts::ONE_EACH,
+        guide: None,
     };
+    let directions = BsdfDirections;
     for_each_sample(context, samples, seed, |pixel, sampler| {
-        single::for_each_path(context, pixel, sampler, &mut subpaths, &mut |found| {
-            report.compare(context, &rule, None, &found);
+        single::for_each_path(
+            context,
+            directions,
+            pixel,
+            sampler,
+            &mut subpaths,
+            &mut |found| {
+                report.compare(context, &rule, None, &found);
+            },
+        );
+    });
+    report
+}
+
+/// Compares `samples` samples of `guided_bdpt` with the definition, as [`check`] does for `bdpt`.
+/// `lend` calls a function with the context, which has no shared data.
+pub fn check_guided_bdpt(
+    lend: impl Fn(&mut dyn FnMut(&Context)) + Sync,
+    samples: u64,
+    seed: u64,
+) -> OracleReport {
+    let shared = first_iteration(&lend, bidirectional::ROW.sharing, seed);
+    let mut report = OracleReport::default();
+    let mut subpaths = Subpaths::default();
+    lend(&mut |context| {
+        let context = &Context {
+            shared: shared.as_deref(),
+            ..*context
+        };
+        let rule = Rule {
+            heuristic: context.settings.heuristic(),
+            counts: StrategyCounts::ONE_EACH,
+            guide: Some(Guide::new(context)),
+        };
+        let directions = GuidedDirections;
+        for_each_sample(context, samples, seed, |pixel, sampler| {
+            single::for_each_path(
+                context,
+                directions,
+                pixel,
+                sampler,
+                &mut subpaths,
+                &mut |found| {
+                    report.compare(context, &rule, None, &found);
+                },
+            );
         });
     });
     report
@@ -145,6 +197,7 @@ pub fn check_vcm(
         let rule = Rule {
             heuristic: context.settings.heuristic(),
             counts: *counts,
+            guide: None,
         };
         for_each_sample(context, samples, seed, |pixel, sampler| {
             vcm::for_each_path(context, pixel, sampler, &mut buffers, &mut |found| {
@@ -174,6 +227,7 @@ pub fn check_lvc(
         let rule = Rule {
             heuristic: context.settings.heuristic(),
             counts: *counts,
+            guide: None,
         };
         for_each_sample(context, samples, seed, |pixel, sampler| {
             lvc::for_each_path(context, pixel, sampler, &mut buffers, &mut |found| {
@@ -277,7 +331,7 @@ impl OracleReport {
                 // The estimate is divided by the number of samples, which drawing replaces by the
                 // actual one.
                 let actual = found.samples / rule.counts.of(s as u32, t as u32);
-                let p = path.densities(context, &rule.counts).connections[s] * actual;
+                let p = path.densities(context, rule).connections[s] * actual;
                 let estimated = found.contribution.unweighted.as_dvec3() * p;
                 (estimated - carried).abs().max_element() / carried.abs().max_element()
             }
@@ -314,7 +368,7 @@ impl OracleReport {
         self.merged_weights
             .push((found.weight / expected.merges[s] - 1.0).abs());
         if let Some(carried) = path.contribution(context) {
-            let p = path.densities(context, &rule.counts).merges[s];
+            let p = path.densities(context, rule).merges[s];
             let estimated = found.contribution.unweighted.as_dvec3() * p;
             let error = (estimated - carried).abs().max_element() / carried.abs().max_element();
             self.merged_densities.push(error);

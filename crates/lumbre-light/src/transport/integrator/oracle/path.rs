@@ -7,7 +7,6 @@ use crate::transport::bsdf::{Bsdf, TransportMode};
 use crate::transport::integrator::Context;
 use crate::transport::integrator::bdpt::single::{ConnectedPath, SharedVertex};
 use crate::transport::integrator::bdpt::state::Vertex;
-use crate::transport::integrator::bdpt::weights::StrategyCounts;
 use crate::transport::integrator::iteration::light_paths::LightPaths;
 use crate::transport::light::{LightId, LightPoint};
 
@@ -250,7 +249,7 @@ impl Path {
     }
 
     /// Returns the density with which a camera path generates `x_i` after `x_(i+1)`, for `i < k`.
-    fn camera_density(&self, context: &Context, i: usize) -> f64 {
+    fn camera_density(&self, context: &Context, rule: &Rule, i: usize) -> f64 {
         if i == 0 && self.light_is_dirac() {
             return 0.0;
         }
@@ -264,7 +263,7 @@ impl Path {
         } else {
             let (v, wo, wi) = (&self.surfaces[i], self.dirs[i + 1], -self.dirs[i]);
             match v.dirac {
-                None => f64::from(v.bsdf.pdf_w(wo, wi)),
+                None => rule.camera_pdf_w(v.position, &v.bsdf, [wo, wi]),
                 Some(eta) => f64::from(wi.dot(v.n_geometric).abs() * eta * eta),
             }
         };
@@ -311,7 +310,8 @@ impl Path {
     ///
     /// A Dirac event has no density. Its place is taken by `|cos| eta^2` of the outgoing side,
     /// which makes the ratio of both directions correct, and with it the ratios of strategies.
-    pub fn densities(&self, context: &Context, counts: &StrategyCounts) -> ByStrategy {
+    pub fn densities(&self, context: &Context, rule: &Rule) -> ByStrategy {
+        let counts = &rule.counts;
         let k = self.depth();
         let possible = |s: usize| match s {
             0 => !self.light_is_dirac(),
@@ -324,7 +324,7 @@ impl Path {
             let mut p = 1.0;
             for i in 0..k {
                 p *= match i {
-                    i if i >= s => self.camera_density(context, i),
+                    i if i >= s => self.camera_density(context, rule, i),
                     0 if s == 1 && k > 1 => self.direct(context),
                     0 => self.start(context),
                     i => self.light_density(context, i),
@@ -344,7 +344,7 @@ impl Path {
                 return 0.0;
             }
             let light = (1..=i).map(|j| self.light_density(context, j));
-            let camera = (i..k).map(|j| self.camera_density(context, j));
+            let camera = (i..k).map(|j| self.camera_density(context, rule, j));
             counts.merging * self.start(context) * light.chain(camera).product::<f64>()
         };
         ByStrategy {
@@ -355,7 +355,7 @@ impl Path {
 
     /// Returns the weights of all strategies [Veach 1997, 9.2].
     pub fn weights(&self, context: &Context, rule: &Rule) -> ByStrategy {
-        let densities = self.densities(context, &rule.counts);
+        let densities = self.densities(context, rule);
         let all = densities.connections.iter().chain(&densities.merges);
         let greatest = all.copied().fold(0.0, f64::max);
         let terms = densities.map(|p| rule.heuristic.term(p / greatest));

@@ -4,7 +4,7 @@
 use glam::Vec3;
 
 use super::{ByStrategy, Path, Rule, ScatterVertex};
-use crate::transport::bsdf::{Bsdf, TransportMode};
+use crate::transport::bsdf::{Bsdf, BsdfValue, TransportMode};
 use crate::transport::integrator::Context;
 use crate::transport::integrator::bdpt::weights::{
     LightEnd, MisEdge, MisEndpoint, others_interior, others_merging, others_s0, others_s1,
@@ -47,7 +47,11 @@ impl Vertex {
 
     /// Returns the edge that leaves the vertex in direction `wi`.
     fn next_edge(&self, rule: &Rule, mode: TransportMode, wi: Vec3) -> MisEdge {
-        let densities = [self.bsdf.pdf_w(self.wo, wi), self.bsdf.pdf_w(wi, self.wo)];
+        let mut densities = [self.bsdf.pdf_w(self.wo, wi), self.bsdf.pdf_w(wi, self.wo)];
+        match mode {
+            TransportMode::Radiance => densities[0] = self.camera_pdf_w(rule, [self.wo, wi]),
+            TransportMode::Importance => densities[1] = self.camera_pdf_w(rule, [wi, self.wo]),
+        }
         let directions = [self.wo, wi, self.n_geometric];
         let (pdf_w, partials) = self.endpoint.next_edge(
             (rule.heuristic, &rule.counts),
@@ -61,6 +65,28 @@ impl Vertex {
             pdf_w,
             partials,
             parallel: false,
+        }
+    }
+
+    /// Returns the density with which a camera subpath continues from `wo` in `wi`.
+    fn camera_pdf_w(&self, rule: &Rule, directions: [Vec3; 2]) -> f32 {
+        rule.camera_pdf_w(self.position, &self.bsdf, directions) as f32
+    }
+
+    /// Returns value and densities of a vertex of a camera subpath towards light in direction `wi`.
+    fn towards_light(&self, rule: &Rule, wi: Vec3) -> BsdfValue<Vec3> {
+        BsdfValue {
+            pdf_w: self.camera_pdf_w(rule, [self.wo, wi]),
+            ..self.bsdf.evaluate(self.wo, wi, TransportMode::Radiance)
+        }
+    }
+
+    /// Returns value and densities of a vertex of a light subpath towards the camera in direction
+    /// `wi`.
+    fn towards_camera(&self, rule: &Rule, wi: Vec3) -> BsdfValue<Vec3> {
+        BsdfValue {
+            reverse_pdf_w: self.camera_pdf_w(rule, [wi, self.wo]),
+            ..self.bsdf.evaluate(self.wo, wi, TransportMode::Importance)
         }
     }
 
@@ -107,7 +133,7 @@ fn others_merged(context: &Context, rule: &Rule, path: &Path, i: usize) -> Optio
     let y = light_side(context, rule, path, i + 1)?;
     let z = camera_side(context, rule, path, i)?.0?;
     let wi = -path.dirs[i - 1];
-    let at_z = z.bsdf.evaluate(z.wo, wi, TransportMode::Radiance);
+    let at_z = z.towards_light(rule, wi);
     let ends = [&y.endpoint, &z.endpoint];
     Some(others_merging(rule.heuristic, &rule.counts, ends, &at_z))
 }
@@ -142,16 +168,14 @@ fn others(context: &Context, rule: &Rule, path: &Path, s: usize) -> Option<f64> 
         }
         (1, _, None) => others_s1_t1(h, &end([path.lens, Vec3::ZERO]), seen_pdf_w),
         (1, _, Some(z)) => {
-            let at_z = z
-                .bsdf
-                .evaluate(z.wo, -path.dirs[0], TransportMode::Radiance);
+            let at_z = z.towards_light(rule, -path.dirs[0]);
             let end = end([z.position, z.n_geometric]);
             others_s1(h, &z.connected(rule), &end, &at_z)
         }
         (_, Some(y), Some(z)) => others_between(rule, &y, &z, path.dirs[s - 1]),
         (_, Some(y), None) => {
             let to = path.dirs[k - 1];
-            let at_y = y.bsdf.evaluate(y.wo, to, TransportMode::Importance);
+            let at_y = y.towards_camera(rule, to);
             let spread = vertex::area_factor(path.lens, y.position, y.n_geometric);
             others_t1(h, &y.connected(rule), &at_y, [seen_pdf_w, spread])
         }
@@ -170,8 +194,8 @@ fn light_end(context: &Context, path: &Path, next: [Vec3; 2]) -> LightEnd {
 /// Returns the sum for the strategy that connects two surface vertices; `dir` is the traced
 /// direction from `y` to `z`.
 fn others_between(rule: &Rule, y: &Vertex, z: &Vertex, dir: Vec3) -> f64 {
-    let at_y = y.bsdf.evaluate(y.wo, dir, TransportMode::Importance);
-    let at_z = z.bsdf.evaluate(z.wo, -dir, TransportMode::Radiance);
+    let at_y = y.towards_camera(rule, dir);
+    let at_z = z.towards_light(rule, -dir);
     // Use the direction between the points, as all strategies do; the traced direction starts off
     // the surface.
     let edge = y.position - z.position;

@@ -28,6 +28,7 @@ pub mod shared;
 use std::cell::RefCell;
 
 use self::shared::SharedVertices;
+use super::bdpt::directions::BsdfDirections;
 use super::bdpt::joins::{Joins, SubpathTechnique};
 use super::bdpt::merge::{Merged, Merging};
 use super::bdpt::single::{self, ConnectedPath, Reporter, SharedVertex, SubpathVertex, Subpaths};
@@ -98,7 +99,7 @@ fn sample(
     sink: &mut dyn FnMut(Contribution),
 ) {
     if context.settings.join == Join::Connect {
-        single::sample(context, pixel, sampler, sink);
+        single::sample(context, BsdfDirections, pixel, sampler, sink);
         return;
     }
     BUFFERS.with_borrow_mut(|buffers| {
@@ -119,7 +120,7 @@ pub fn for_each_path(
 ) {
     let shared: &SharedVertices = context.shared();
     let Buffers { own, further } = buffers;
-    own.trace_camera(context, &shared.counts, pixel, sampler);
+    own.trace_camera(context, (BsdfDirections, &shared.counts), pixel, sampler);
     let [width, height] = context.camera.resolution().map(u64::from);
     let (index, pixels) = (
         u64::from(pixel[1]) * width + u64::from(pixel[0]),
@@ -132,6 +133,7 @@ pub fn for_each_path(
     let own = &*own;
     let mut reporter = Reporter {
         context,
+        directions: BsdfDirections,
         counts: shared.counts,
         subpaths: own,
         pixel,
@@ -163,6 +165,7 @@ pub fn for_each_path(
         load(context, shared, path, further);
         let mut reporter = Reporter {
             context,
+            directions: BsdfDirections,
             counts: shared.counts,
             subpaths: further,
             pixel,
@@ -190,7 +193,7 @@ fn with_merging(context: &Context, shared: &SharedVertices, vertex: &Vertex) -> 
 }
 
 /// Merges the camera vertex number `t` with all light vertices near it.
-fn merge(reporter: &mut Reporter, merging: &Merging, z: &Vertex, t: u32) {
+fn merge(reporter: &mut Reporter<BsdfDirections>, merging: &Merging, z: &Vertex, t: u32) {
     if !z.bsdf.has_density() {
         return;
     }
@@ -226,12 +229,15 @@ fn merge(reporter: &mut Reporter, merging: &Merging, z: &Vertex, t: u32) {
 pub struct Vcm;
 
 impl SubpathTechnique for Vcm {
-    fn joins<'a>(context: &Context<'a>) -> Joins<'a> {
+    type Directions = BsdfDirections;
+
+    fn joins<'a>(context: &Context<'a>) -> Joins<'a, BsdfDirections> {
         if context.settings.join == Join::Connect {
-            return Joins::EACH;
+            return Joins::each(BsdfDirections);
         }
         let shared: &SharedVertices = context.shared();
         Joins {
+            directions: BsdfDirections,
             counts: shared.counts,
             shared: Some(&shared.paths),
             merging: Some(shared.merging()),

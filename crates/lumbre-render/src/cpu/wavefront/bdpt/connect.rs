@@ -19,6 +19,7 @@ use lumbre_light::transport::integrator::Context;
 use lumbre_light::transport::integrator::bdpt::connect::{
     Connection, LensPoints, camera_end, connect, connect_s1, connect_s1_t1, connect_t1,
 };
+use lumbre_light::transport::integrator::bdpt::directions::SubpathDirections;
 use lumbre_light::transport::integrator::bdpt::joins::Joins;
 use lumbre_light::transport::integrator::bdpt::state::{
     CameraEnd, CameraEndRecord, LightStart, LightStartRecord, Vertex,
@@ -208,14 +209,14 @@ fn count_rays(
 }
 
 /// Kernel of [`ConnectionLists::evaluate`].
-pub(super) struct ConnectKernel<'a, 's, 'f> {
+pub(super) struct ConnectKernel<'a, 's, 'f, D> {
     pub lists: &'a mut ConnectionLists,
-    pub connecting: &'a Connecting<'a>,
+    pub connecting: &'a Connecting<'a, D>,
     pub light: &'a mut TileLight,
     pub splats: &'a mut SplatSink<'s, 'f>,
 }
 
-impl SimdKernel for ConnectKernel<'_, '_, '_> {
+impl<D: SubpathDirections> SimdKernel for ConnectKernel<'_, '_, '_, D> {
     type Output = ();
 
     #[inline(always)]
@@ -292,16 +293,16 @@ impl SimdKernel for ConnectKernel<'_, '_, '_> {
 
 /// Vertices and random numbers that connections are evaluated from.
 #[derive(Clone, Copy)]
-pub(super) struct Connecting<'a> {
+pub(super) struct Connecting<'a, D> {
     pub tile: &'a TileContext<'a>,
     pub paths: &'a PathRecords,
     /// Vertices of the tile's own subpaths.
     pub vertices: &'a Vertices,
     pub light: LightSubpaths<'a>,
-    pub joins: &'a Joins<'a>,
+    pub joins: &'a Joins<'a, D>,
 }
 
-impl Connecting<'_> {
+impl<D: SubpathDirections> Connecting<'_, D> {
     /// Connects camera vertices on surfaces of one class to sampled lights (`s = 1`).
     #[inline(always)]
     fn connect_lights<R: Lanes<N>, const N: usize>(
@@ -324,7 +325,8 @@ impl Connecting<'_> {
         if lifted {
             z.lift();
         }
-        if let Some(c) = connect_s1::<R, N>(context, &z, &mut sampler, lanes) {
+        let directions = self.joins.directions;
+        if let Some(c) = connect_s1::<R, N>(context, directions, &z, &mut sampler, lanes) {
             let count = self.joins.counts.direct;
             queue.push(context, (&c, count), |i| Target::Own(connections[i].index));
         }
@@ -347,7 +349,7 @@ impl Connecting<'_> {
         let y = map_array(pairs, |pair| pair.y);
         let y = VertexStore::states::<R, N>(stores, y);
         let lanes = R::Mask::first(group.len());
-        let (lit, end) = camera_end(context, &z, y.position, lanes);
+        let (lit, end) = camera_end::<R, N>(context, self.joins.directions, &z, y.position, lanes);
         let ends = CameraEndRecord::store::<R, N>(end);
         for i in active_lanes(lit.bits()) {
             let event = VertexStore::event(stores, pairs[i].y);
@@ -375,8 +377,9 @@ impl Connecting<'_> {
         let (z, partials) = camera.store.towards::<R, N>(context, z, y.state.position);
         let partials = self.with_merging(partials);
         let end: CameraEnd<R> = CameraEndRecord::load::<R, N>(ends.each_ref());
+        let directions = self.joins.directions;
         let lanes = R::Mask::first(group.len());
-        if let Some(c) = connect::<R, N>(context, &y, (&z, partials), &end, lanes) {
+        if let Some(c) = connect::<R, N>(context, directions, &y, (&z, partials), &end, lanes) {
             let count = self.joins.counts.connecting;
             if self.joins.drawing.is_some() {
                 draws.set(context, (&c, count), &pairs);
@@ -401,7 +404,7 @@ impl Connecting<'_> {
 
     /// Returns the partial sums of vertices for their connections.
     #[inline(always)]
-    fn with_merging<D: Double>(&self, partials: MisPartials<D>) -> MisPartials<D> {
+    fn with_merging<F: Double>(&self, partials: MisPartials<F>) -> MisPartials<F> {
         if self.joins.merging.is_none() {
             return partials;
         }
@@ -425,7 +428,8 @@ impl Connecting<'_> {
         let mut sampler = self.paths.samplers::<R, N>(self.tile, paths, taken);
         let emitted = self.vertices.starts.emitted::<R, N>(paths);
         let lanes = R::Mask::first(group.len());
-        let found = connect_t1::<R, N>(context, &y, emitted, &mut sampler, lanes);
+        let directions = self.joins.directions;
+        let found = connect_t1::<R, N>(context, directions, (&y, emitted), &mut sampler, lanes);
         self.push_splats(&connections, found, queue);
     }
 

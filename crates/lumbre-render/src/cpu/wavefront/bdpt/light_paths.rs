@@ -9,6 +9,7 @@ use crate::cpu::wavefront::wave::{Start, TileContext, Wave};
 use lumbre_light::math::simd::Width;
 use lumbre_light::transport::bsdf::TransportMode;
 use lumbre_light::transport::integrator::Context;
+use lumbre_light::transport::integrator::bdpt::directions::BsdfDirections;
 use lumbre_light::transport::integrator::bdpt::state::LightStartRecord;
 use lumbre_light::transport::integrator::iteration::light_paths::{
     LightBatch, LightUnit, max_edges,
@@ -72,6 +73,7 @@ fn trace_tile(
         wave,
         states,
         light,
+        directions: BsdfDirections,
         counts: batch.counts,
     };
     walk.start_at_lights(&mut vertices.starts);

@@ -18,6 +18,7 @@ use crate::cpu::wavefront::light::{Details, TileLight};
 use crate::cpu::wavefront::wave::PathRecords;
 use lumbre_light::math::simd::{Lanes, SimdKernel, dispatch};
 use lumbre_light::transport::integrator::Context;
+use lumbre_light::transport::integrator::bdpt::directions::SubpathDirections;
 use lumbre_light::transport::integrator::bdpt::draw::LightVertexCache;
 use lumbre_light::transport::integrator::bdpt::joins::Joins;
 use lumbre_light::transport::integrator::bdpt::merge::Merging;
@@ -193,7 +194,12 @@ impl ConnectionLists {
 
     /// Evaluates all listed connections, empties the lists, and adds the contributions to the
     /// samples' own pixels to `light`.
-    fn evaluate(&mut self, connecting: &Connecting, light: &mut TileLight, splats: &mut SplatSink) {
+    fn evaluate(
+        &mut self,
+        connecting: &Connecting<impl SubpathDirections>,
+        light: &mut TileLight,
+        splats: &mut SplatSink,
+    ) {
         let width = connecting.tile.width;
         if let Some(merging) = &connecting.joins.merging {
             let kernel = MergeKernel {
@@ -217,9 +223,9 @@ impl ConnectionLists {
 }
 
 /// Lists the contributions of the samples of a tile, and evaluates them whenever the lists are full.
-pub(super) struct Lister<'a, 's, 'f> {
+pub(super) struct Lister<'a, 's, 'f, D> {
     lists: &'a mut ConnectionLists,
-    connecting: Connecting<'a>,
+    connecting: Connecting<'a, D>,
     light: &'a mut TileLight,
     splats: SplatSink<'s, 'f>,
     columns: Columns,
@@ -240,15 +246,15 @@ struct CameraVertex {
 }
 
 /// Kernel that finds the light vertices that merge with a camera vertex.
-struct NearKernel<'a> {
-    connecting: &'a Connecting<'a>,
+struct NearKernel<'a, D> {
+    connecting: &'a Connecting<'a, D>,
     merging: &'a Merging<'a>,
     at: CameraVertex,
     /// Receives the vertices with their numbers of edges from the light.
     near: &'a mut Vec<(VertexId, u32)>,
 }
 
-impl SimdKernel for NearKernel<'_> {
+impl<D: SubpathDirections> SimdKernel for NearKernel<'_, D> {
     type Output = ();
 
     #[inline(always)]
@@ -262,14 +268,14 @@ impl SimdKernel for NearKernel<'_> {
     }
 }
 
-impl<'a, 's, 'f> Lister<'a, 's, 'f> {
+impl<'a, 's, 'f, D: SubpathDirections> Lister<'a, 's, 'f, D> {
     /// Prepares lists, all of them empty, for a tile.
     pub fn new(
         lists: &'a mut ConnectionLists,
-        connecting: Connecting<'a>,
+        connecting: Connecting<'a, D>,
         light: &'a mut TileLight,
         splats: SplatSink<'s, 'f>,
-    ) -> Lister<'a, 's, 'f> {
+    ) -> Lister<'a, 's, 'f, D> {
         let context = connecting.tile.context;
         lists.reset(context.classes.count());
         Lister {

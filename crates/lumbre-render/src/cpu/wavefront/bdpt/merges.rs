@@ -4,19 +4,20 @@ use super::connect::{Connecting, store_colors, stored_light};
 use super::lists::{OwnContributions, VertexPair};
 use lumbre_light::math::real::{Double, Mask};
 use lumbre_light::math::simd::{Lanes, SimdKernel, active_lanes, map_array, padded};
+use lumbre_light::transport::integrator::bdpt::directions::SubpathDirections;
 use lumbre_light::transport::integrator::bdpt::merge::{Merged, Merging};
 use lumbre_light::transport::integrator::bdpt::store::VertexStore;
 
 /// Kernel that evaluates the pairs to merge, listed by class of the camera vertex, and empties the
 /// lists.
-pub(super) struct MergeKernel<'a> {
-    pub connecting: &'a Connecting<'a>,
+pub(super) struct MergeKernel<'a, D> {
+    pub connecting: &'a Connecting<'a, D>,
     pub merging: &'a Merging<'a>,
     pub lists: &'a mut [Vec<VertexPair>],
     pub own: &'a mut OwnContributions,
 }
 
-impl SimdKernel for MergeKernel<'_> {
+impl<D: SubpathDirections> SimdKernel for MergeKernel<'_, D> {
     type Output = ();
 
     #[inline(always)]
@@ -36,7 +37,7 @@ impl SimdKernel for MergeKernel<'_> {
     }
 }
 
-impl Connecting<'_> {
+impl<D: SubpathDirections> Connecting<'_, D> {
     /// Merges light vertices with camera vertices on surfaces of one class.
     #[inline(always)]
     fn merge<R: Lanes<N>, const N: usize>(

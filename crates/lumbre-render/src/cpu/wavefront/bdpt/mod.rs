@@ -29,6 +29,7 @@ use connect::Connecting;
 use lists::{ConnectionLists, Lister};
 use lumbre_light::transport::bsdf::TransportMode;
 use lumbre_light::transport::contribution::Contribution;
+use lumbre_light::transport::integrator::bdpt::directions::SubpathDirections;
 use lumbre_light::transport::integrator::bdpt::joins::Joins;
 use source::LightSubpaths;
 use vertices::Vertices;
@@ -67,7 +68,7 @@ impl SplatSink<'_, '_> {
 /// contributions to their own pixels.
 pub(super) fn render_tile(
     tile: &TileContext,
-    joins: &Joins,
+    joins: &Joins<impl SubpathDirections>,
     buffers: &mut SubpathTile,
     film: &mut RowFilm,
     layers: Option<&mut LayerRowFilm>,
@@ -89,6 +90,7 @@ pub(super) fn render_tile(
         wave,
         states,
         light,
+        directions: joins.directions,
         counts: joins.counts,
     };
     walk.start_at_camera(&mut vertices.starts);

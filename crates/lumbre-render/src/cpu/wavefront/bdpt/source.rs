@@ -25,9 +25,9 @@ pub(super) struct LightSubpaths<'a> {
 
 impl<'a> LightSubpaths<'a> {
     /// Returns the light subpaths of a tile, whose samples left `traced`.
-    pub fn new(
+    pub fn new<D>(
         tile: &'a TileContext<'a>,
-        joins: &Joins<'a>,
+        joins: &Joins<'a, D>,
         traced: &'a Vertices,
     ) -> LightSubpaths<'a> {
         LightSubpaths {

@@ -11,6 +11,7 @@ use lumbre_light::transport::arrival::{Arrival, HitRecord};
 use lumbre_light::transport::bsdf::TransportMode;
 use lumbre_light::transport::integrator::Context;
 use lumbre_light::transport::integrator::bdpt::connect::Connection;
+use lumbre_light::transport::integrator::bdpt::directions::SubpathDirections;
 use lumbre_light::transport::integrator::bdpt::state::{
     LightStartRecord, MisRecord, PartialsRecord, ShadingState, Subpath, Vertex,
 };
@@ -66,12 +67,12 @@ impl SubpathRecords {
 }
 
 /// Kernel of [`Walk::start_at_camera`].
-struct CameraKernel<'a, 'w> {
-    walk: &'a mut Walk<'w>,
+struct CameraKernel<'a, 'w, D> {
+    walk: &'a mut Walk<'w, D>,
     starts: &'a mut LightStarts,
 }
 
-impl SimdKernel for CameraKernel<'_, '_> {
+impl<D: SubpathDirections> SimdKernel for CameraKernel<'_, '_, D> {
     type Output = ();
 
     #[inline(always)]
@@ -110,16 +111,18 @@ fn groups<const N: usize>(paths: usize) -> impl Iterator<Item = ([usize; N], usi
 }
 
 /// The subpaths of a tile while they are traced.
-pub(super) struct Walk<'a> {
+pub(super) struct Walk<'a, D> {
     pub tile: &'a TileContext<'a>,
     pub wave: &'a mut Wave,
     pub states: &'a mut SubpathRecords,
     pub light: &'a mut TileLight,
+    /// Directions in which camera subpaths continue.
+    pub directions: D,
     /// Numbers of samples of the strategies that the weights combine.
     pub counts: StrategyCounts,
 }
 
-impl Walk<'_> {
+impl<D: SubpathDirections> Walk<'_, D> {
     /// Puts the camera subpaths, whose paths were started, on their first edges.
     pub fn start_at_camera(&mut self, starts: &mut LightStarts) {
         self.states.resize(self.tile.ids.len());
@@ -189,12 +192,12 @@ impl Walk<'_> {
 }
 
 /// Kernel of [`Walk::start_at_lights`].
-struct LightKernel<'a, 'w> {
-    walk: &'a mut Walk<'w>,
+struct LightKernel<'a, 'w, D> {
+    walk: &'a mut Walk<'w, D>,
     starts: &'a mut LightStarts,
 }
 
-impl SimdKernel for LightKernel<'_, '_> {
+impl<D: SubpathDirections> SimdKernel for LightKernel<'_, '_, D> {
     type Output = ();
 
     #[inline(always)]
@@ -219,14 +222,14 @@ impl SimdKernel for LightKernel<'_, '_> {
 }
 
 /// Kernel that handles camera subpaths that left the scene.
-struct EscapeKernel<'a, 'w> {
-    walk: &'a mut Walk<'w>,
+struct EscapeKernel<'a, 'w, D> {
+    walk: &'a mut Walk<'w, D>,
     edge: u32,
     list: &'a [u32],
     hits: &'a mut Hits,
 }
 
-impl SimdKernel for EscapeKernel<'_, '_> {
+impl<D: SubpathDirections> SimdKernel for EscapeKernel<'_, '_, D> {
     type Output = ();
 
     #[inline(always)]
@@ -254,15 +257,15 @@ impl SimdKernel for EscapeKernel<'_, '_> {
 }
 
 /// Kernel that handles subpaths that hit surfaces of one class.
-struct StepKernel<'a, 'w> {
-    walk: &'a mut Walk<'w>,
+struct StepKernel<'a, 'w, D> {
+    walk: &'a mut Walk<'w, D>,
     step: Step,
     class: usize,
     list: &'a [u32],
     vertices: &'a mut Vertices,
 }
 
-impl SimdKernel for StepKernel<'_, '_> {
+impl<D: SubpathDirections> SimdKernel for StepKernel<'_, '_, D> {
     type Output = ();
 
     #[inline(always)]
@@ -275,7 +278,11 @@ impl SimdKernel for StepKernel<'_, '_> {
             vertices,
         } = self;
         let Walk {
-            tile, wave, states, ..
+            tile,
+            wave,
+            states,
+            directions,
+            ..
         } = walk;
         let context = tile.context;
         for group in list.chunks(N) {
@@ -299,7 +306,7 @@ impl SimdKernel for StepKernel<'_, '_> {
                 paths,
                 vertices,
             };
-            let departure = subpath.scatter(context, step, &arrival, lanes, &mut sink);
+            let departure = subpath.scatter(context, *directions, step, &arrival, lanes, &mut sink);
             // The samplers of all paths go on.
             states.store(&mut wave.paths, &subpath, paths, lanes);
             let continues = active_lanes(departure.continues.bits());
