@@ -1,12 +1,12 @@
 -- scripts/techniques.lua: all techniques over eight scenes, at equal time and interleaved.
 --
---     lumbre run scripts/techniques.lua                       16 repeats of 30 s: about 8 hours and references
+--     lumbre run scripts/techniques.lua                       16 repeats of 30 s: about 9 hours and references
 --     lumbre run scripts/techniques.lua quick=true seconds=3  small pictures: about an hour
 --     lumbre report out/latest                                verdicts, figures, tables and page
 --
 -- Every technique renders every scene for the same render time, in turns of at most half a second,
--- so that a machine that slows down slows down all of them. Training of `guided` and the photons
--- of `sppm` and `vcm` are on the clock. `sppm` and `vcm` are consistent and biased; references are
+-- so that a machine that slows down slows down all of them. Training of `guided` and `guided_bdpt`
+-- and the photons of `sppm` and `vcm` are on the clock. `sppm` and `vcm` are consistent and biased; references are
 -- rendered by the unbiased technique that is least noisy in the scene, and shared by all.
 --
 --   diffuse   a box of matt walls and spheres, which every technique renders well
@@ -37,7 +37,7 @@ local stages = {
 x:axis("quick", { false })
 x:axis("seconds", { 30 })
 x:axis("stage", { "diffuse", "caustics", "door", "lights", "sky", "glossy", "leaves", "lamps" })
-x:axis("technique", { "bpt", "nee", "nee-tree", "guided", "bdpt", "lvc", "sppm", "vcm" })
+x:axis("technique", { "bpt", "nee", "nee-tree", "guided", "bdpt", "guided_bdpt", "lvc", "sppm", "vcm" })
 
 x:skip("a light tree is for many lights", function(p)
   return p.technique == "nee-tree" and not stages[p.stage].tree
