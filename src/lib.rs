@@ -7,7 +7,7 @@
 //!
 //! | level | modules | what they contain |
 //! |---|---|---|
-//! | 0 | [`backends`], [`paths`], [`text`] | the table of backends of this program; folders of files; counts, lines, CSV |
+//! | 0 | [`backends`], [`columns`], [`paths`], [`text`] | the table of backends of this program; columns of CSV files; folders of files; counts, lines, CSV |
 //! | 1 | [`experiment`] | sweeps, plans, stop rules, the state machine of a night |
 //! | 2 | [`script`], [`store`], [`output`], [`tui`] | Lua; result folders; files; screens |
 //! | 3 | [`explore`] | the interactive program: a picture that renders while its settings change |
@@ -24,6 +24,7 @@
 
 pub mod backends;
 pub mod cli;
+pub mod columns;
 pub mod experiment;
 pub mod explore;
 pub mod output;

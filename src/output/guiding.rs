@@ -22,7 +22,7 @@ pub struct TreeFigure<'a> {
     pub heading: &'a str,
     /// Description in the file's metadata.
     pub description: &'a str,
-    /// The tree.
+    /// Tree whose regions and density are drawn.
     pub tree: &'a GuidingTree,
     /// Pixel that is marked.
     pub pixel: [u32; 2],

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 
 use super::format::exact;
+use crate::columns::{
+    AA_CHECK, CONTROL_OF, REPEATED, REPEATED_MEANS, SUMMARY_AFTER, SUMMARY_BEFORE, names,
+};
 use crate::experiment::aa_check::Finding;
 use crate::experiment::noise_floor::net_columns;
 use crate::experiment::plan::{Cell, Plan};
 use crate::experiment::{CellRef, CellResult, Outcome, Point, WaveRow};
-use crate::store::schema::columns::{
-    AA_CHECK, CONTROL_OF, REPEATED, REPEATED_MEANS, SUMMARY_AFTER, SUMMARY_BEFORE, names,
-};
 use crate::text::csv_line;
 use lumbre_light::math::t_test::mean_and_interval;
 
@@ -40,7 +40,7 @@ impl ReferenceNoise {
 }
 
 /// Writes `summary.csv`: one line for each cell, in plan order, whether it finished or not. The
-/// [schema](crate::store::schema::columns) has the columns. Values that were not measured are empty.
+/// [schema](crate::columns) has the columns. Values that were not measured are empty.
 pub fn csv(plan: &Plan, results: &[CellResult]) -> String {
     let noise = ReferenceNoise::new(plan, results);
     let mut text = csv_line(&header(plan, &noise));

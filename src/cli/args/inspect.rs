@@ -86,7 +86,7 @@ pub struct ShowArgs {
     /// first surface in the middle of the pixel.
     #[arg(long, value_name = "X,Y", value_parser = crate::cli::scene::trace::pixel)]
     pub tree: Option<[u32; 2]>,
-    /// With `--tree`, write TO.svg and TO.png [default: tree-RUN].
+    /// Write the figure of `--tree` to TO.svg and TO.png [default: tree-RUN].
     #[arg(short = 'o', long = "to", value_name = "TO", requires = "tree")]
     pub to: Option<PathBuf>,
     /// Print as JSON.

@@ -3,13 +3,13 @@
 
 use super::item::{ItemKind, ReportItem};
 use super::study::{Member, Study};
-use crate::experiment::night_results::RunState;
-use crate::output::format::exact;
-use crate::output::provenance::Provenance;
-use crate::store::schema::columns::{
+use crate::columns::{
     Column, DATA_ACCEL, DATA_AFTER, DATA_BEFORE, DATA_COLUMNS, DATA_COUNTS, DATA_STATE, DATA_WAVE,
     names,
 };
+use crate::experiment::night_results::RunState;
+use crate::output::format::exact;
+use crate::output::provenance::Provenance;
 use crate::text::PROGRAM;
 use crate::text::csv_line;
 

@@ -1,9 +1,9 @@
 //! Writes tables as CSV: one line for each cell, or one line for each row.
 
 use super::Table;
+use crate::columns::{TABLE, names};
 use crate::output::format::exact;
 use crate::output::quantity::Bound;
-use crate::store::schema::columns::{TABLE, names};
 use crate::text::csv_line;
 
 impl Table {

@@ -8,7 +8,6 @@
 //!
 //! Pictures, tables and figures are described by their writers in [`crate::output`].
 
-pub mod columns;
 pub mod journal;
 pub mod plan;
 pub mod process;
@@ -17,6 +16,7 @@ pub mod run;
 pub mod status;
 pub mod values;
 
+pub use crate::columns;
 pub use reference::reference;
 
 use std::io::ErrorKind;

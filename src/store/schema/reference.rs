@@ -1,7 +1,6 @@
 //! Reference page of files, generated from the structures of the schema.
 
 use super::RecordRow;
-use super::columns::{CSV_FILES, CsvFile};
 use super::journal::{
     FORECAST, MessageRecord, NightStart, RunEnd, RunStart, ShardEnd, ShardRecord, ShardStart,
     WaveRecord,
@@ -20,6 +19,7 @@ use super::run::{
 use super::status::{
     CellCounts, CurrentRun, FailureRecord, ReferenceCounts, ShardCounts, StatusReport,
 };
+use crate::columns::{CSV_FILES, CsvFile};
 use lumbre_light::value::markdown::{row, sentence, table_head};
 
 /// Structures of each file: that of the file first, then those of its parts.

@@ -6,8 +6,8 @@
 
 use std::fmt::Write;
 
+use crate::columns::{MEASUREMENT, names};
 use crate::experiment::WaveRow;
-use crate::store::schema::columns::{MEASUREMENT, names};
 use crate::text::{csv_field, csv_fields};
 
 /// Name of the file in a run's folder.

@@ -15,7 +15,7 @@ const IDS: [(&str, &str); 10] = [
     ("plain", "77dc2be2"),
     ("sobol", "a9d4b739"),
     ("strategies", "89596c40"),
-    ("merging", "b644807b"),
+    ("merging", "6801d685"),
     ("guiding", "67a62d0d"),
     ("layers", "8ed7640b"),
     ("time", "bdbfebbb"),

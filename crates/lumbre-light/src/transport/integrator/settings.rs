@@ -94,7 +94,8 @@ pub const RADIUS: Field = Field {
     required: false,
     default: AUTO,
     doc: "radius of the first iteration within which photons are gathered, in scene units; auto \
-          takes three times the median width of a pixel on the surfaces that the camera sees",
+          takes three times the median width of a pixel on the surfaces that the camera sees, and \
+          once where connections find light as well",
 };
 
 /// The parameter `alpha` of integrators that gather photons.

@@ -15,14 +15,14 @@ pub struct Column {
     pub doc: &'static str,
 }
 
-/// Columns of a CSV file, in groups in the order of the file.
+/// A CSV file of an experiment.
 #[derive(Clone, Copy, Debug)]
 pub struct CsvFile {
     /// Name of the file in the experiment's folder, in the style of the reference page.
     pub name: &'static str,
-    /// What a line is.
+    /// Meaning of a line.
     pub doc: &'static str,
-    /// Columns.
+    /// Columns in the order of the file, in groups that other files may share.
     pub columns: &'static [&'static [Column]],
 }
 
