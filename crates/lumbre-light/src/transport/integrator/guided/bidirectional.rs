@@ -60,6 +60,15 @@ impl SubpathTechnique for GuidedBdpt {
     }
 }
 
+/// Returns the mixture at vertices that were prepared.
+#[inline(always)]
+fn mixture<R: Lanes<N>, const N: usize>(
+    context: &Context,
+    vertex: &Vertex<R>,
+) -> MixedDirections<R, N> {
+    MixedDirections::in_leaves(context, R::store_words(vertex.state.region))
+}
+
 /// The mixture of the directions of the BSDF and of the tree.
 #[derive(Clone, Copy, Debug)]
 pub struct GuidedDirections;
@@ -94,10 +103,7 @@ impl SubpathDirections for GuidedDirections {
         let (bsdf, out) = (&vertex.bsdf, &vertex.out);
         match mode {
             TransportMode::Radiance => {
-                let mixture = MixedDirections::<R, N>::in_leaves(
-                    context,
-                    R::store_words(vertex.state.region),
-                );
+                let mixture = mixture::<R, N>(context, vertex);
                 let surface = (bsdf, out, vertex.state.n_shading);
                 mixture.sample_reversible::<true>(context, surface, [choice, u, v], lanes)
             }
@@ -117,8 +123,7 @@ impl SubpathDirections for GuidedDirections {
         bsdf_pdf_w: R,
         lanes: R::Mask,
     ) -> R {
-        let mixture =
-            MixedDirections::<R, N>::in_leaves(context, R::store_words(vertex.state.region));
+        let mixture = mixture::<R, N>(context, vertex);
         mixture.pdf_w(context, wi, bsdf_pdf_w, lanes)
     }
 
@@ -129,8 +134,7 @@ impl SubpathDirections for GuidedDirections {
         vertex: &Vertex<R>,
         bsdf_pdf_w: R,
     ) -> R {
-        let mixture =
-            MixedDirections::<R, N>::in_leaves(context, R::store_words(vertex.state.region));
+        let mixture = mixture::<R, N>(context, vertex);
         mixture.mixed(bsdf_pdf_w, vertex.state.guided_back_w)
     }
 }
