@@ -221,6 +221,10 @@ const HOST: &[(&str, &str)] = &[
         "techniques of other crates, which render on the CPU",
     ),
     (
+        "crates/lumbre-light/src/transport/integrator/oracle/guide.rs",
+        "reference for MIS weights",
+    ),
+    (
         "crates/lumbre-light/src/transport/integrator/oracle/mod.rs",
         "reference for MIS weights",
     ),
