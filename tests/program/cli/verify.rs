@@ -6,7 +6,7 @@ use lumbre::output::exr;
 use lumbre_light::film::Image;
 use lumbre_light::scene::edit::set;
 use lumbre_light::scene::{compile, load};
-use lumbre_light::transport::integrator::{IntegratorRow, integrator};
+use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow, integrator};
 use lumbre_render::Job;
 use serde_json::{Value as Json, json};
 
@@ -101,7 +101,7 @@ fn all_checks_pass_against_a_correct_reference() {
             .all(|row| row["verdict"] == "passed"),
         "{report:#}"
     );
-    for row in lumbre_light::transport::integrator::INTEGRATORS {
+    for row in INTEGRATORS {
         let name = row.name;
         let kinds: &[&str] = match row.bias {
             None => &["analytic", "agreement", "reference"],
@@ -121,7 +121,11 @@ fn all_checks_pass_against_a_correct_reference() {
             );
         }
     }
-    assert!(report["skipped"].as_u64().unwrap() <= 6, "{report:#}");
+    // One scene is too dark for a comparison with `bpt` by few samples: of every other unbiased
+    // technique and of a variant of `bpt`. The reference `other` is skipped as well.
+    let unbiased = INTEGRATORS.iter().filter(|row| row.bias.is_none());
+    let skipped = unbiased.count() as u64 + 1;
+    assert!(report["skipped"].as_u64().unwrap() <= skipped, "{report:#}");
     let other = rows(&report, "reference")
         .into_iter()
         .find(|row| row["check"] == "other")
