@@ -196,7 +196,7 @@ fn a_benchmark_is_one_file_and_files_of_machines_are_compared() {
     };
     let [a, b] = ["first", "second"].map(measure);
     let cells = a["cells"].as_array().unwrap();
-    assert_eq!(cells.len(), 6 * 7, "six scenes by all techniques");
+    assert_eq!(cells.len(), 6 * 8, "six scenes by all techniques");
     for (cell, twin) in cells.iter().zip(b["cells"].as_array().unwrap()) {
         assert_eq!(cell["checksum"], twin["checksum"], "{cell}");
         assert_eq!(cell["frames_per_s"].as_array().unwrap().len(), 5);
@@ -218,7 +218,7 @@ fn a_benchmark_is_one_file_and_files_of_machines_are_compared() {
     ];
     let page = place.succeed(&args).stdout;
     assert!(
-        page.contains("42 of 42 pictures have the bits of first, cpu"),
+        page.contains("48 of 48 pictures have the bits of first, cpu"),
         "{page}"
     );
     for name in ["benchmark-fps", "benchmark-relative"] {
