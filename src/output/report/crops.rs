@@ -405,7 +405,7 @@ impl CropFigure<'_> {
                 (layout.x(i), 8.0),
                 NAME,
                 Anchor::Start,
-                &shorten(&series.full_label(), NAME.size, layout.column),
+                &series.label_within(NAME.size, layout.column),
             );
             let facts = format!(
                 "{} spp, {} s",

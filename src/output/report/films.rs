@@ -9,7 +9,7 @@ use crate::output::format::significant;
 use crate::output::plot::sheet::{Sheet, Sheets};
 use crate::output::plot::sizes::{FULL, SCREEN};
 use crate::output::plot::style::{FAINT, FRAME};
-use crate::output::plot::svg::{Anchor, Drawing, Font, shorten};
+use crate::output::plot::svg::{Anchor, Drawing, Font};
 use crate::output::provenance::Provenance;
 use crate::output::{OutputError, png};
 use lumbre_light::film::Image;
@@ -151,7 +151,7 @@ fn bounce_maps(
             (x, 8.0),
             NAME,
             Anchor::Start,
-            &shorten(&study.series[*series].full_label(), NAME.size, width),
+            &study.series[*series].label_within(NAME.size, width),
         );
         drawing.image(
             [x, 12.0, width, height],

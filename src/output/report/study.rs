@@ -218,9 +218,11 @@ impl<'a> Study<'a> {
                     group.extend(device.clone());
                 }
                 group.dedup();
-                let (label, long) = self.series_label(night, run, &integrator_axes, mixed);
+                let ([label, short_label], long) =
+                    self.series_label(night, run, &integrator_axes, mixed);
                 let series = self.find_or_add_series(Series {
                     label,
+                    short_label,
                     colour: self.series_colour(night, run),
                     group: group.join(", "),
                     device,
@@ -243,6 +245,7 @@ impl<'a> Study<'a> {
             let mut members = (0..self.facets.len()).flat_map(|facet| self.members(facet, series));
             if members.all(|m| m.run.denoise.is_some()) {
                 self.series[series].label += BIASED;
+                self.series[series].short_label += BIASED;
             }
         }
     }
@@ -253,40 +256,37 @@ impl<'a> Study<'a> {
         is_denoised.then_some(denoise::BIAS)
     }
 
-    /// Returns the label of a run's series, and the long name if the label is an integrator.
-    /// `mixed` is whether the night has several integrators.
+    /// Returns the label of a run's series with and without names of axes, and the long name if the
+    /// label is an integrator. `mixed` is whether the night has several integrators.
     fn series_label(
         &self,
         night: &NightResults,
         run: &RunResult,
         integrator_axes: &[bool],
         mixed: bool,
-    ) -> (String, Option<&'static str>) {
+    ) -> ([String; 2], Option<&'static str>) {
         let part = |(axis, is_integrator): (&String, &bool)| {
             let value = night.report.name(&run.axis_value(axis)?);
-            Some(if *is_integrator {
-                value
+            let named = if *is_integrator {
+                value.clone()
             } else {
                 format!("{axis} = {value}")
-            })
+            };
+            Some((named, value))
         };
-        let parts: Vec<String> = self
-            .by
-            .iter()
-            .zip(integrator_axes)
-            .filter_map(part)
-            .collect();
+        let (parts, values): (Vec<String>, Vec<String>) =
+            self.by.iter().zip(integrator_axes).filter_map(part).unzip();
         let long = if parts.len() == 1 && integrator_axes.contains(&true) {
             format::integrator_long_name(&run.integrator)
         } else {
             None
         };
-        let label = match parts.as_slice() {
-            [] if mixed => "all techniques".to_owned(),
-            [] => night.report.name(&run.integrator),
-            parts => parts.join(", "),
+        let labels = match parts.as_slice() {
+            [] if mixed => ["all techniques"; 2].map(str::to_owned),
+            [] => [(); 2].map(|()| night.report.name(&run.integrator)),
+            parts => [parts.join(", "), values.join(", ")],
         };
-        (label, long)
+        (labels, long)
     }
 
     /// Returns the index of a series. Runs that have not finished have no known device; they join
