@@ -32,8 +32,8 @@ const fn column(name: &'static str, unit: &'static str, doc: &'static str) -> Co
 }
 
 /// Returns the names of columns.
-pub fn names<const N: usize>(columns: &[Column; N]) -> [&'static str; N] {
-    columns.map(|column| column.name)
+pub fn names<const N: usize>(columns: &[Column; N]) -> [String; N] {
+    columns.map(|column| column.name.to_owned())
 }
 
 const SAMPLES_PER_PIXEL: Column = column("samples_per_pixel", "1", "samples per pixel so far");
@@ -59,6 +59,13 @@ const SPEED: Column = column(
 const WAVE: Column = column("wave", "", "number of the measurement, from 1");
 const INVALID: &str = "samples that were NaN or infinite and count as black";
 
+/// Value of a metric without the error of the reference.
+const NET: Column = column(
+    "<metric>_net",
+    "of the metric",
+    "value without the error of the reference; only where it can be computed",
+);
+
 /// Value of an axis.
 const AXIS: [Column; 1] = [column(
     "<axis>",
@@ -75,13 +82,9 @@ const METRIC: [Column; 1] = [column(
 
 /// Columns of `metrics.csv` before the metrics.
 pub const MEASUREMENT: [Column; 8] = [
-    column("wave", "", "number of the wave, from 1"),
+    WAVE,
     column("samples", "1", "samples per pixel so far"),
-    column(
-        "render_s",
-        "s",
-        "time inside the renderer: the clock of stop rules and figures",
-    ),
+    RENDER_S,
     column(
         "wall_s",
         "s",
@@ -126,11 +129,7 @@ const REFERENCE_NOISE: [Column; 2] = [
         "of the metric",
         "value that a perfect picture would have; only where the noise of a reference is known",
     ),
-    column(
-        "<metric>_net",
-        "of the metric",
-        "value without the error of the reference; only where it can be computed",
-    ),
+    NET,
 ];
 
 /// Column of `repeats.csv` after the axes.
@@ -294,15 +293,7 @@ pub const CSV_FILES: &[CsvFile] = &[
         name: "`metrics.csv` of a run",
         doc: "One line per wave, in order; every line is the state after all samples so far. \
               Infinities and NaN are written as `inf`, `-inf` and `NaN`.",
-        columns: &[
-            &MEASUREMENT,
-            &METRIC,
-            &[column(
-                "<metric>_net",
-                "of the metric",
-                "value without the reference's own error, where it can be computed",
-            )],
-        ],
+        columns: &[&MEASUREMENT, &METRIC, &[NET]],
     },
     CsvFile {
         name: "`summary.csv`",

@@ -11,7 +11,7 @@ use super::plot::style::{FAINT, FRAME, INK};
 use super::plot::svg::{Anchor, Drawing, Font};
 use super::png;
 use lumbre_light::film::Image;
-use lumbre_light::math::rng::pcg4d;
+use lumbre_light::math::rng::{pcg4d, unit};
 use lumbre_metrics::map::{Colours, ErrorMap};
 use lumbre_metrics::tonemap::Tonemap;
 use lumbre_render::cpu::guiding_tree::{COLUMNS, GuidingTree, ROWS};
@@ -75,7 +75,7 @@ fn regions(
         None => Vec3::ZERO,
         Some(region) if tree.guides(*region) => {
             let [r, g, b, _] = pcg4d([*region, 1, 2, 3]);
-            Vec3::from([r, g, b].map(|word| 0.1 + 0.8 * (word >> 8) as f32 / 16_777_216.0))
+            Vec3::from([r, g, b].map(|word| 0.1 + 0.8 * unit(word)))
         }
         Some(_) => Vec3::splat(0.2),
     };
@@ -108,8 +108,8 @@ fn directions(
 ) -> Result<(), OutputError> {
     let name = "density of directions in the region of the pixel";
     drawing.text((x, y - 6.0), NAME, Anchor::Start, name);
-    drawing.frame([x, y, w, h], FRAME);
     let Some(density) = density else {
+        drawing.frame([x, y, w, h], FRAME);
         let (text, at) = ("not guided", (x + w / 2.0, y + h / 2.0));
         drawing.text(at, NAME, Anchor::Middle, text);
         return Ok(());

@@ -112,8 +112,8 @@ fn has_doubles(plan: &Plan) -> bool {
 
 fn header(plan: &Plan, noise: &ReferenceNoise) -> Vec<String> {
     let (before, after) = (names(&SUMMARY_BEFORE), names(&SUMMARY_AFTER));
-    let mut header: Vec<String> = before.map(str::to_owned).to_vec();
-    let taken = |name: &String| before.contains(&name.as_str()) || after.contains(&name.as_str());
+    let mut header = before.to_vec();
+    let taken = |name: &String| before.contains(name) || after.contains(name);
     header.extend(plan.axes.iter().map(|a| {
         if taken(a) {
             format!("axis.{a}")
@@ -121,7 +121,7 @@ fn header(plan: &Plan, noise: &ReferenceNoise) -> Vec<String> {
             a.clone()
         }
     }));
-    header.extend(after.map(str::to_owned));
+    header.extend(after.clone());
     if has_doubles(plan) {
         let status = header
             .iter()
@@ -184,7 +184,7 @@ pub fn repeats_csv(plan: &Plan, results: &[CellResult]) -> String {
     }
     let mut header: Vec<String> = plan.axes.clone();
     header.push(REPEATED.name.to_owned());
-    let columns = names(&REPEATED_MEANS).map(str::to_owned);
+    let columns = names(&REPEATED_MEANS);
     for column in columns.into_iter().chain(plan.columns()) {
         header.extend(["", "_low", "_high"].map(|end| format!("{column}{end}")));
     }

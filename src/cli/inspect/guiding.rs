@@ -8,6 +8,7 @@ use crate::cli::args::{Global, ShowArgs};
 use crate::cli::exit::{Failure, print_result};
 use crate::cli::format::{counted, display_path, rounded};
 use crate::cli::reproduce::stored_run;
+use crate::cli::scene::trace::check_pixel;
 use crate::cli::{figure_files, json};
 use crate::output::guiding::{TreeFigure, draw};
 use crate::store::RunRecord;
@@ -21,12 +22,8 @@ pub fn show(
     pixel: [u32; 2],
 ) -> Result<(), Failure> {
     let (scene, job, _) = stored_run::load_job(&run.folder, global).map_err(Failure::usage)?;
-    let ([x, y], [width, height]) = (pixel, job.resolution);
-    if x >= width || y >= height {
-        return Err(Failure::usage(format!(
-            "pixel {x},{y} is outside the picture, which has {width} x {height} pixels"
-        )));
-    }
+    check_pixel(pixel, job.resolution)?;
+    let [x, y] = pixel;
     let tree = GuidingTree::train(&scene, &job).map_err(Failure::usage)?;
     let tree = tree.ok_or_else(|| {
         Failure::usage(format!(

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::cli::args::{Global, ViewArgs};
 use crate::cli::exit::{Exit, Failure, print_result};
 use crate::cli::format::display_path;
+use crate::cli::scene::trace::check_pixel;
 use crate::cli::selector;
 use crate::output::time::{self, Movie, TimeCurve, TimeFile};
 use crate::output::{exr, png};
@@ -24,7 +25,9 @@ pub fn main(args: &ViewArgs, global: &Global) -> Result<Exit, Failure> {
         )));
     }
     let movie = read_movie(&record.folder, &record.config).map_err(Failure::usage)?;
-    check_pixels(args, &movie)?;
+    for pixel in args.pixel.iter().copied().chain(args.through) {
+        check_pixel(pixel, [movie.width, movie.height])?;
+    }
     let name = folder_name(&record.folder);
     let folder = args
         .to
@@ -81,18 +84,6 @@ impl OutputFolder {
             self.written.push(name);
         }
         Ok(())
-    }
-}
-
-/// Checks that the pixels of `--pixel` and `--through` are inside the picture.
-fn check_pixels(args: &ViewArgs, movie: &Movie) -> Result<(), Failure> {
-    let (width, height) = (movie.width, movie.height);
-    let mut pixels = args.pixel.iter().copied().chain(args.through);
-    match pixels.find(|[x, y]| *x >= width || *y >= height) {
-        Some([x, y]) => Err(Failure::usage(format!(
-            "pixel {x},{y} is outside the picture, which has {width} x {height} pixels"
-        ))),
-        None => Ok(()),
     }
 }
 

@@ -43,13 +43,8 @@ pub fn main(args: &TraceArgs, global: &Global) -> Result<Exit, Failure> {
         (scene, job, Some(backend))
     };
     let scene = without_instances(scene)?;
-    let [width, height] = job.resolution;
+    check_pixel(args.pixel, job.resolution)?;
     let [x, y] = args.pixel;
-    if x >= width || y >= height {
-        return Err(Failure::usage(format!(
-            "pixel {x},{y} is outside the picture, which has {width} x {height} pixels"
-        )));
-    }
     let name = global
         .backend
         .clone()
@@ -168,6 +163,16 @@ fn page(steps: &[PathEvent], scene: &CompiledScene, pixel: [u32; 2]) -> String {
     } else {
         text
     }
+}
+
+/// Checks that a pixel is inside of a picture of this width and height.
+pub fn check_pixel([x, y]: [u32; 2], [width, height]: [u32; 2]) -> Result<(), Failure> {
+    if x < width && y < height {
+        return Ok(());
+    }
+    Err(Failure::usage(format!(
+        "pixel {x},{y} is outside the picture, which has {width} x {height} pixels"
+    )))
 }
 
 /// Parses a pixel `x,y`.

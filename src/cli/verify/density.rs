@@ -1,6 +1,6 @@
 //! MIS weights and densities of `bdpt`, `guided_bdpt`, `vcm` and `lvc`, path by path, compared with
-//! the products that define them. The comparison is deterministic: differences are rounding errors, so a wrong weight is found
-//! even if it hardly changes a picture.
+//! the products that define them. The comparison is deterministic: differences are rounding errors,
+//! so a wrong weight is found even if it hardly changes a picture.
 
 use std::rc::Rc;
 use std::sync::Arc;

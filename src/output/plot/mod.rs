@@ -380,7 +380,7 @@ fn set_axes(panels: &mut [MetricPanel], scales: &[Scale], x_axis: impl Fn(&[f64]
 
 fn csv_header(plan: &Plan) -> Vec<String> {
     let mut header = plan.axes.clone();
-    header.extend(names(&FIGURE).map(str::to_owned));
+    header.extend(names(&FIGURE));
     header
 }
 

@@ -27,10 +27,14 @@ pub struct Series {
 impl Series {
     /// Returns the label with the group.
     pub fn full_label(&self) -> String {
+        self.with_group(&self.label)
+    }
+
+    fn with_group(&self, label: &str) -> String {
         if self.group.is_empty() {
-            self.label.clone()
+            label.to_owned()
         } else {
-            format!("{}, {}", self.label, self.group)
+            format!("{label}, {}", self.group)
         }
     }
 
@@ -41,8 +45,7 @@ impl Series {
         if text_width(&full, size) <= width {
             return full;
         }
-        let group = full.strip_prefix(&self.label).unwrap_or_default();
-        shorten(&format!("{}{group}", self.short_label), size, width)
+        shorten(&self.with_group(&self.short_label), size, width)
     }
 }
 

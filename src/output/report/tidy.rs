@@ -55,9 +55,9 @@ pub fn all(study: &Study) -> Vec<ReportItem> {
 }
 
 fn header(axes: &[String], rest: &[String]) -> String {
-    let mut header: Vec<String> = names(&DATA_BEFORE).map(str::to_owned).to_vec();
+    let mut header = names(&DATA_BEFORE).to_vec();
     header.extend(axes.iter().map(|axis| format!("axis.{axis}")));
-    header.extend(names(&DATA_AFTER).map(str::to_owned));
+    header.extend(names(&DATA_AFTER));
     header.extend_from_slice(rest);
     csv_line(&header)
 }
@@ -99,10 +99,10 @@ fn metric_names(study: &Study) -> impl Iterator<Item = String> {
 }
 
 fn runs(study: &Study, axes: &[String]) -> String {
-    let mut rest = names(&DATA_STATE).map(str::to_owned).to_vec();
-    rest.extend(names(&DATA_COUNTS).map(str::to_owned));
+    let mut rest = names(&DATA_STATE).to_vec();
+    rest.extend(names(&DATA_COUNTS));
     rest.extend(metric_names(study));
-    rest.extend(names(&DATA_ACCEL).map(str::to_owned));
+    rest.extend(names(&DATA_ACCEL));
     let mut text = header(axes, &rest);
     for m in study.all() {
         let mut fields = keys(&m, axes);
@@ -135,8 +135,8 @@ fn runs(study: &Study, axes: &[String]) -> String {
 }
 
 fn waves(study: &Study, axes: &[String]) -> String {
-    let mut rest = names(&DATA_WAVE).map(str::to_owned).to_vec();
-    rest.extend(names(&DATA_COUNTS).map(str::to_owned));
+    let mut rest = names(&DATA_WAVE).to_vec();
+    rest.extend(names(&DATA_COUNTS));
     rest.extend(metric_names(study));
     let mut text = header(axes, &rest);
     for m in study.all() {

@@ -11,7 +11,7 @@ impl Table {
     /// columns of [`TABLE`]. Missing values are empty.
     pub fn to_long_csv(&self) -> String {
         let mut header = self.label_headers.clone();
-        header.extend(names(&TABLE).map(str::to_owned));
+        header.extend(names(&TABLE));
         let mut text = csv_line(&header);
         let groups: Vec<&String> = self.column_groups().collect();
         for (labels, cells) in &self.rows {

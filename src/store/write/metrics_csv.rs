@@ -56,12 +56,7 @@ pub fn parse(text: &str) -> Result<(Vec<String>, Vec<WaveRow>), String> {
     let mut lines = complete.lines();
     let columns = csv_fields(lines.next().ok_or("the file is empty")?);
     let fixed = names(&MEASUREMENT);
-    if columns.len() < fixed.len()
-        || columns
-            .iter()
-            .zip(fixed)
-            .any(|(found, expected)| found != expected)
-    {
+    if !columns.starts_with(&fixed) {
         return Err(format!(
             "line 1: expected a header that starts with {}",
             fixed.join(",")

@@ -1,6 +1,6 @@
-//! Guided path tracing and guided bidirectional path tracing: less noise where light is hard to find, the same bits however a run is
-//! split, and scenes without light. That its pictures are right is tested with all other
-//! integrators ([`super::agreement`]).
+//! Guided path tracing and guided bidirectional path tracing: less noise where light is hard to
+//! find, the same bits however a run is split, and scenes without light. That its pictures are right
+//! is tested with all other integrators ([`super::agreement`]).
 
 use std::sync::Arc;
 
@@ -34,14 +34,14 @@ fn trained(training: i64, split: f64) -> Technique {
     trained_as("guided", training, split)
 }
 
-/// Returns a room whose lamp is behind a wall with a gap at its upper end.
-fn hidden_lamp() -> Arc<CompiledScene> {
+/// Returns a room of height 2 whose lamp is behind a wall of the given height.
+pub fn behind_a_wall(height: f32) -> SceneBuilder {
     // The camera sees neither the lamp nor the gap, whose edges would be noise of the filter.
     SceneBuilder::new(Vec3::new(0.3, 0.6, 0.9), Vec3::new(-0.7, -0.7, -0.7), 50.0)
         .room(1.0, grey(0.7))
         .quad(
             Vec3::new(0.4, -1.0, 1.0),
-            Vec3::Y * 1.85,
+            Vec3::Y * height,
             Vec3::Z * -2.0,
             grey(0.7),
         )
@@ -51,7 +51,11 @@ fn hidden_lamp() -> Arc<CompiledScene> {
             Vec3::X * 0.3,
             light(30.0),
         )
-        .build()
+}
+
+/// Returns a room whose lamp is behind a wall with a gap at its upper end.
+fn hidden_lamp() -> Arc<CompiledScene> {
+    behind_a_wall(1.85).build()
 }
 
 /// Returns the mean over pixels of the variance of their mean.

@@ -1,5 +1,5 @@
-//! The weights of `bdpt`, `guided_bdpt`, `vcm` and `lvc` compared with their definition, over their paths in scenes
-//! of every kind.
+//! The weights of `bdpt`, `guided_bdpt`, `vcm` and `lvc` compared with their definition, over their
+//! paths in scenes of every kind.
 
 use std::sync::Arc;
 
@@ -19,6 +19,7 @@ use lumbre_render::cpu::bvh::accel::Accel;
 
 use crate::common::{SceneBuilder, WHITE, grey, light};
 use crate::render::agreement::{Params, params};
+use crate::render::guided::behind_a_wall;
 
 /// Compares the weights of a scene with their definition for every heuristic, and returns the last
 /// report.
@@ -433,20 +434,7 @@ fn weights_are_exact_with_orthographic_and_spherical_cameras() {
 #[test]
 fn weights_are_exact_where_light_comes_through_a_gap_or_none() {
     for height in [1.85, 2.0] {
-        let scene = SceneBuilder::new(Vec3::new(0.3, 0.6, 0.9), Vec3::new(-0.7, -0.7, -0.7), 50.0)
-            .room(1.0, grey(0.7))
-            .quad(
-                Vec3::new(0.4, -1.0, 1.0),
-                Vec3::Y * height,
-                Vec3::Z * -2.0,
-                grey(0.7),
-            )
-            .quad(
-                Vec3::new(0.55, -0.6, -0.3),
-                Vec3::Z * 0.6,
-                Vec3::X * 0.3,
-                light(30.0),
-            )
+        let scene = behind_a_wall(height)
             .sphere(Vec3::new(-0.5, 0.0, -0.5), 0.1, light(0.5))
             .build();
         for mis in ["power", "balance", "none"] {

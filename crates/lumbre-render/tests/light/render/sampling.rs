@@ -84,16 +84,21 @@ fn every_integrator_has_the_same_mean_with_every_sampler_and_less_noise_if_strat
     let scene = scene();
     for row in INTEGRATORS {
         let independent = films(&scene, row, INDEPENDENT);
-        for name in ["sobol", "zsobol16"] {
+        for (name, most) in [("sobol", 0.9), ("zsobol16", 0.97)] {
             let films = films(&scene, row, sampler(name).unwrap());
-            assert_less_noise(row, &independent, (name, &films));
+            assert_less_noise(row, &independent, (name, &films), most);
         }
     }
 }
 
 /// Checks that the films of a sampler that stratifies have the mean of those of independent numbers,
-/// and less noise.
-fn assert_less_noise(row: &IntegratorRow, independent: &[Film], (name, films): (&str, &[Film])) {
+/// and less than `most` of their noise.
+fn assert_less_noise(
+    row: &IntegratorRow,
+    independent: &[Film],
+    (name, films): (&str, &[Film]),
+    most: f64,
+) {
     // The films are independent, so their spread gives the error for any correlation within a
     // film.
     let means = |films: &[Film]| {
@@ -109,7 +114,7 @@ fn assert_less_noise(row: &IntegratorRow, independent: &[Film], (name, films): (
     );
     let (noise, less) = (spread(independent), spread(films));
     assert!(
-        less < 0.97 * noise,
+        less < most * noise,
         "{} of {name}: {less} instead of {noise}",
         row.name
     );

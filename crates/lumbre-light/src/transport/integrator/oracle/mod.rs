@@ -1,6 +1,6 @@
-//! A slow reference for the MIS weights of `bdpt`, `guided_bdpt`, `vcm` and `lvc`: computes the density of every
-//! strategy of a path as the product that defines it, and the weights that follow. It shares with
-//! them only the densities of single events.
+//! A slow reference for the MIS weights of `bdpt`, `guided_bdpt`, `vcm` and `lvc`: computes the
+//! density of every strategy of a path as the product that defines it, and the weights that follow.
+//! It shares with them only the densities of single events.
 
 mod guide;
 mod path;
@@ -11,7 +11,7 @@ pub use path::{ByStrategy, Path, ScatterVertex};
 pub use split::fast_weights;
 
 use super::Context;
-use super::bdpt::directions::BsdfDirections;
+use super::bdpt::directions::{BsdfDirections, SubpathDirections};
 use super::bdpt::draw::LightVertexCache;
 use super::bdpt::single::{self, ConnectedPath, SharedVertex, Subpaths};
 use super::bdpt::weights::StrategyCounts;
@@ -118,27 +118,7 @@ pub const COARSE: f64 = 0.25;
 /// of one pixel the densities of strategies with one camera vertex differ by the filter, which
 /// appears in [`OracleReport::worst_density`].
 pub fn check(context: &Context, samples: u64, seed: u64) -> OracleReport {
-    let mut report = OracleReport::default();
-    let mut subpaths = Subpaths::default();
-    let rule = Rule {
-        heuristic: context.settings.heuristic(),
-        counts: StrategyCounts::ONE_EACH,
-        guide: None,
-    };
-    let directions = BsdfDirections;
-    for_each_sample(context, samples, seed, |pixel, sampler| {
-        single::for_each_path(
-            context,
-            directions,
-            pixel,
-            sampler,
-            &mut subpaths,
-            &mut |found| {
-                report.compare(context, &rule, None, &found);
-            },
-        );
-    });
-    report
+    check_single(context, (BsdfDirections, None), samples, seed)
 }
 
 /// Compares `samples` samples of `guided_bdpt` with the definition, as [`check`] does for `bdpt`.
@@ -150,30 +130,35 @@ pub fn check_guided_bdpt(
 ) -> OracleReport {
     let shared = first_iteration(&lend, bidirectional::ROW.sharing, seed);
     let mut report = OracleReport::default();
-    let mut subpaths = Subpaths::default();
     lend(&mut |context| {
         let context = &Context {
             shared: shared.as_deref(),
             ..*context
         };
-        let rule = Rule {
-            heuristic: context.settings.heuristic(),
-            counts: StrategyCounts::ONE_EACH,
-            guide: Some(Guide::new(context)),
-        };
-        let directions = GuidedDirections;
-        for_each_sample(context, samples, seed, |pixel, sampler| {
-            single::for_each_path(
-                context,
-                directions,
-                pixel,
-                sampler,
-                &mut subpaths,
-                &mut |found| {
-                    report.compare(context, &rule, None, &found);
-                },
-            );
-        });
+        let guide = Some(Guide::new(context));
+        report = check_single(context, (GuidedDirections, guide), samples, seed);
+    });
+    report
+}
+
+/// Compares samples that trace both subpaths of their own, of which those of the camera continue in
+/// the given directions, with the definition by the guide.
+fn check_single(
+    context: &Context,
+    (directions, guide): (impl SubpathDirections, Option<Guide>),
+    samples: u64,
+    seed: u64,
+) -> OracleReport {
+    let mut report = OracleReport::default();
+    let mut subpaths = Subpaths::default();
+    let rule = Rule {
+        heuristic: context.settings.heuristic(),
+        counts: StrategyCounts::ONE_EACH,
+        guide,
+    };
+    for_each_sample(context, samples, seed, |pixel, sampler| {
+        let visit = &mut |found: ConnectedPath| report.compare(context, &rule, None, &found);
+        single::for_each_path(context, directions, pixel, sampler, &mut subpaths, visit);
     });
     report
 }
