@@ -5,8 +5,8 @@
 --     lumbre report out/latest                                verdicts, figures, tables and page
 --
 -- Every technique renders every scene for the same render time, in turns of at most half a second,
--- so that a machine that slows down slows down all of them. Training of `guided` and `guided_bdpt`
--- and the photons of `sppm` and `vcm` are on the clock. `sppm` and `vcm` are consistent and biased; references are
+-- so that a machine that slows down slows down all of them. Training of `guided_bdpt` and the photons of
+-- `sppm` and `vcm` are on the clock. `sppm` and `vcm` are consistent and biased; references are
 -- rendered by the unbiased technique that is least noisy in the scene, and shared by all.
 --
 --   diffuse   a box of matt walls and spheres, which every technique renders well
@@ -33,7 +33,7 @@ local stages = {
 }
 
 -- Axes with one value can be replaced on the command line: `seconds=60`. A reference has forty times the render time of
--- a picture. `guided` trains for about a second in small pictures, and half a minute in large ones.
+-- a picture.
 x:axis("quick", { false })
 x:axis("seconds", { 30 })
 x:axis("stage", { "diffuse", "caustics", "door", "lights", "sky", "glossy", "leaves", "lamps" })

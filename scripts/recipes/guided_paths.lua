@@ -19,7 +19,7 @@ end)
 
 -- Guiding is unbiased, and its samples have less noise than those of nee here.
 x:reference {
-  from = function() return { integrator = "guided", training = 256 } end,
+  from = function() return { integrator = "guided", training = 1024 } end,
   stop = function(p) return stop.samples(p.reference) end,
 }
 

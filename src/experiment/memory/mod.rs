@@ -8,6 +8,7 @@ use self::limit::gibibytes;
 use super::spec::CellConfig;
 use lumbre_light::film::layer::{BYTES_PER_PIXEL, LayerLayout, SPLAT_BYTES_PER_PIXEL};
 use lumbre_light::film::time;
+use lumbre_light::transport::integrator::iteration::PathSize;
 use lumbre_light::transport::integrator::{Settings, integrator};
 use lumbre_render::denoise::Denoise;
 
@@ -46,9 +47,13 @@ pub fn run_bytes(config: &CellConfig) -> u64 {
 fn shared_bytes(config: &CellConfig) -> u64 {
     let sharing = integrator(&config.integrator).and_then(|row| row.sharing);
     sharing.map_or(0, |sharing| {
-        let max_depth = config.max_depth.unwrap_or(1);
-        let settings = Settings::new(&config.params);
-        sharing.bytes(&settings, pixels(config), max_depth, config.rr_start)
+        let size = PathSize {
+            pixels: pixels(config),
+            max_depth: config.max_depth.unwrap_or(1),
+            rr_start: config.rr_start,
+            each: !config.rendered_layers().is_empty() || config.timing.is_some(),
+        };
+        sharing.bytes(&Settings::new(&config.params), &size)
     })
 }
 

@@ -9,6 +9,7 @@ use crate::{Job, RenderError};
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::transport::integrator::guided::direction_tree::direction_of;
 use lumbre_light::transport::integrator::guided::sd_tree::SdTree;
+use lumbre_light::transport::integrator::guided::training::Guide;
 
 /// Columns of a map of directions: azimuths about the z axis, from 0 to 360 degrees.
 pub const COLUMNS: usize = 128;
@@ -44,7 +45,7 @@ pub struct TreeSize {
 }
 
 impl GuidingTree {
-    /// Trains the tree of a job, as its first sample would. Returns `None` if the technique has no
+    /// Trains the tree of a job to the end. Returns `None` if the technique has no
     /// such tree.
     ///
     /// # Errors
@@ -55,12 +56,12 @@ impl GuidingTree {
     ) -> Result<Option<GuidingTree>, RenderError> {
         let prepared = PreparedScene::new(Arc::clone(scene), &job.accel, job.threads)?;
         let begun = prepared.pool.install(|| {
-            PreparedJob::new(&prepared, &scene.camera, job.clone()).begin(0, &|| false)
+            PreparedJob::new(&prepared, &scene.camera, job.clone()).begin(u64::MAX, &|| false)
         });
         let Some((shared, rays)) = begun else {
             return Ok(None);
         };
-        let Some(tree) = shared.downcast_ref::<Arc<SdTree>>().cloned() else {
+        let Some(Guide { tree, .. }) = shared.downcast_ref::<Guide>() else {
             return Ok(None);
         };
         let [width, height] = job.resolution;
@@ -72,7 +73,7 @@ impl GuidingTree {
             })
             .collect();
         Ok(Some(GuidingTree {
-            tree,
+            tree: Arc::clone(tree),
             rays,
             resolution: job.resolution,
             regions,

@@ -72,10 +72,9 @@ pub(super) fn record(prepared: &PreparedJob, samples: &[SampleAt]) -> Vec<Vec<Pa
         };
         let shared = iteration.as_ref().map(|(_, shared)| &**shared);
         let context = prepared.context(&trace, shared);
-        let job = &prepared.job;
-        let mut sampler = job.sampler.start(job.seed, at.pixel, at.sample);
+        let mut sampler = prepared.sampler(shared, at.pixel, at.sample);
         let mut sink = |c| events.borrow_mut().push(PathEvent::Light(c));
-        (job.integrator.sample)(&context, at.pixel, &mut sampler, &mut sink);
+        (prepared.job.integrator.sample)(&context, at.pixel, &mut sampler, &mut sink);
         events.take()
     };
     samples.iter().map(&mut record_sample).collect()

@@ -15,10 +15,14 @@ use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::Camera;
 use lumbre_light::transport::integrator::iteration::light_paths::{LightBatch, LightUnit};
+use lumbre_light::transport::integrator::iteration::recorded::{
+    CameraBatch, RecordedPaths, RecordedSamples,
+};
 use lumbre_light::transport::integrator::iteration::{Iteration, Resources, Shared, Workers};
 use lumbre_light::transport::integrator::{Context, Settings};
 use lumbre_light::transport::light::{LightSelection, Lights};
 use lumbre_light::transport::ray::{Hit, Ray, Trace};
+use lumbre_light::transport::sampler::Sampler;
 
 /// A job with its scene, hierarchy, camera, lights and parsed parameters.
 pub(super) struct PreparedJob {
@@ -67,6 +71,7 @@ impl PreparedJob {
         Resources {
             seed: self.job.seed,
             sampler: self.job.sampler,
+            each: !self.job.layers.is_empty() || self.job.timing.is_some(),
             workers,
         }
     }
@@ -103,14 +108,29 @@ impl PreparedJob {
     }
 
     /// Returns the number of samples of every pixel, at most `samples` and at least 1, that share
-    /// the same data.
-    pub fn samples_at_once(&self, samples: u64) -> u64 {
+    /// the data of the sample with an index.
+    pub fn samples_at_once(&self, index: u64, samples: u64) -> u64 {
         let sharing = self.job.integrator.sharing;
-        if sharing.is_some_and(|sharing| sharing.constant) {
+        let constant_from = sharing.and_then(|sharing| sharing.constant_from);
+        if constant_from.is_some_and(|from| index >= from(&self.settings)) {
             samples.max(1)
         } else {
             1
         }
+    }
+
+    /// Returns the samples that were rendered while the data `shared` of their iteration were
+    /// computed.
+    pub fn recorded<'a>(&self, shared: Option<&'a Shared>) -> Option<&'a RecordedSamples> {
+        let recorded = self.job.integrator.sharing?.recorded?;
+        recorded(shared?)
+    }
+
+    /// Returns the random numbers of a sample that reads the data `shared`.
+    pub fn sampler(&self, shared: Option<&Shared>, pixel: [u32; 2], sample: u64) -> Sampler {
+        let recorded = self.recorded(shared);
+        let seed = recorded.map_or(self.job.seed, |recorded| recorded.seed);
+        self.job.sampler.start(seed, pixel, sample)
     }
 
     /// Returns whether the samples of an iteration share data.
@@ -162,6 +182,11 @@ impl Workers for CountingWorkers<'_> {
             Some(wavefront) => wavefront.trace_light(context, &self.prepared.job, batch),
             None => batch.trace_single(context),
         }
+    }
+
+    fn trace_camera(&self, context: &Context, batch: &CameraBatch) -> Option<RecordedPaths> {
+        let wavefront = self.prepared.wavefront.as_ref()?;
+        wavefront.trace_camera(context, &self.prepared.job, batch)
     }
 }
 

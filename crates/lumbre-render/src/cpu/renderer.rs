@@ -33,8 +33,10 @@ use lumbre_light::film::state::StateReader;
 use lumbre_light::film::time::TimeCube;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::desc::CameraDesc;
+use lumbre_light::transport::contribution::Contribution;
 use lumbre_light::transport::integrator::Context;
 use lumbre_light::transport::integrator::iteration::Shared;
+use lumbre_light::transport::integrator::iteration::recorded::RecordedSamples;
 
 /// Renderer of one job on the CPU.
 pub struct CpuRenderer {
@@ -162,6 +164,7 @@ impl CpuRenderer {
                 timed,
             },
             layers,
+            recorded: self.prepared.recorded(shared),
             wavefront: self.prepared.wavefront(),
             free_buffers: Mutex::default(),
         };
@@ -198,6 +201,25 @@ impl CpuRenderer {
         }
     }
 
+    /// Adds samples with consecutive indices to every pixel, those with the same shared data at once:
+    /// see [`render_samples`](Self::render_samples).
+    fn render_iterations(&mut self, samples: Range<u64>, abandoned: Abandoned) -> RowStats {
+        let (mut index, mut stats) = (samples.start, RowStats::default());
+        while index < samples.end && !abandoned() {
+            let begun = self.pool.install(|| self.prepared.begin(index, abandoned));
+            let shared = begun.as_ref().map(|(shared, _)| &**shared);
+            let left = samples.end - index;
+            let end = index + self.prepared.samples_at_once(index, left);
+            let own = self.render_samples(index..end, shared, abandoned);
+            stats = stats.merge(own).merge(RowStats {
+                rays: begun.as_ref().map_or(0, |(_, rays)| *rays),
+                ..RowStats::default()
+            });
+            index = end;
+        }
+        stats
+    }
+
     /// Adds samples to every pixel, or to some if `abandoned` returns true before the end.
     fn wave(&mut self, samples: u64, abandoned: Abandoned) -> WaveStats {
         let start = Instant::now();
@@ -205,19 +227,7 @@ impl CpuRenderer {
         let first = self.prepared.job.first_sample + self.own.samples;
         let range = first..first + samples;
         let stats = if self.prepared.shares() {
-            let step = self.prepared.samples_at_once(samples);
-            let starts = range.clone().step_by(step as usize);
-            let starts = starts.take_while(|_| !abandoned());
-            starts.fold(RowStats::default(), |stats, index| {
-                let begun = self.pool.install(|| self.prepared.begin(index, abandoned));
-                let shared = begun.as_ref().map(|(shared, _)| &**shared);
-                let end = (index + step).min(range.end);
-                let own = self.render_samples(index..end, shared, abandoned);
-                stats.merge(own).merge(RowStats {
-                    rays: begun.as_ref().map_or(0, |(_, rays)| *rays),
-                    ..RowStats::default()
-                })
-            })
+            self.render_iterations(range, abandoned)
         } else {
             self.render_samples(range, None, abandoned)
         };
@@ -291,6 +301,8 @@ struct WaveContext<'a> {
     samples: Range<u64>,
     splats: SplatTarget<'a>,
     layers: Option<&'a LayerSpec>,
+    /// The samples themselves, if they were rendered while the iteration began.
+    recorded: Option<&'a RecordedSamples>,
     wavefront: Option<&'a Wavefront>,
     /// Splat buffers that no thread is using. A row takes one and returns it partly filled, so that
     /// there is at most one per thread and most are flushed when they are full.
@@ -323,19 +335,42 @@ impl WaveContext<'_> {
             .layers
             .zip(self.layers)
             .map(|(row, spec)| LayerRowFilm::new(spec, row));
-        if let Some(wavefront) = self.wavefront {
-            let samples = self.samples.clone();
+        let samples = self.samples.clone();
+        if let (Some(wavefront), None) = (self.wavefront, self.recorded) {
             wavefront.render_row(&context, job, y, samples, &mut row, layers.as_mut());
         } else {
-            for x in 0..job.resolution[0] {
-                for sample in self.samples.clone() {
-                    render_sample(&context, job, [x, y], sample, &mut row, &mut layers, &trace);
-                }
+            for (x, sample) in
+                (0..job.resolution[0]).flat_map(|x| samples.clone().map(move |i| (x, i)))
+            {
+                let id = ([x, y], sample);
+                add_sample(&context, self.prepared, id, &mut row, &mut layers, |sink| {
+                    self.find_light(&context, id, &trace, sink)
+                });
             }
         }
         let (stats, buffer) = row.finish(trace.rays());
         self.lock_free_buffers().push(buffer);
         stats
+    }
+
+    /// Passes all light of a sample to `sink`: light that was recorded, or else what the technique
+    /// finds on the scalar path with the rays of `trace`. Returns the number of rays.
+    fn find_light(
+        &self,
+        context: &Context,
+        (pixel, sample): ([u32; 2], u64),
+        trace: &CountingTrace,
+        sink: &mut dyn FnMut(Contribution),
+    ) -> u64 {
+        if let Some(recorded) = self.recorded {
+            let (light, rays) = recorded.sample(pixel);
+            light.iter().for_each(|c| sink(*c));
+            return u64::from(rays);
+        }
+        let before = trace.rays();
+        let mut sampler = self.prepared.sampler(self.shared, pixel, sample);
+        (self.prepared.job.integrator.sample)(context, pixel, &mut sampler, sink);
+        trace.rays() - before
     }
 
     /// Flushes and recycles all splat buffers. Returns the number of splats whose squares
@@ -357,22 +392,19 @@ impl WaveContext<'_> {
     }
 }
 
-/// Renders one sample of a pixel on the scalar path and adds it to the films of its row. `trace`
-/// counts the rays of the row.
-fn render_sample(
+/// Adds one sample of a pixel to the films of its row. `find` passes all light of the sample to a
+/// function, and returns the number of rays that found it.
+fn add_sample(
     context: &Context,
-    job: &Job,
-    pixel: [u32; 2],
-    sample: u64,
+    prepared: &PreparedJob,
+    (pixel, sample): ([u32; 2], u64),
     row: &mut RowFilm,
     layers: &mut Option<LayerRowFilm>,
-    trace: &CountingTrace,
+    find: impl FnOnce(&mut dyn FnMut(Contribution)) -> u64,
 ) {
     let x = pixel[0];
     let (mut value, mut invalid) = (Vec3::ZERO, 0);
-    let rays_before = trace.rays();
-    let mut sampler = job.sampler.start(job.seed, pixel, sample);
-    (job.integrator.sample)(context, pixel, &mut sampler, &mut |c| {
+    let rays = find(&mut |c| {
         if c.t != 1 && c.pixel == pixel {
             value += c.value;
             invalid += layers.as_mut().map_or(0, |layers| layers.add(&c));
@@ -391,9 +423,8 @@ fn render_sample(
     let finite = row.add_sample(x, value);
     invalid += u64::from(!finite) + u64::from(!row.finish_sample(x, finite));
     if let Some(layers) = layers {
-        let sampler = || job.sampler.start(job.seed, pixel, sample);
-        invalid +=
-            layers.finish_sample(context, pixel, finite, trace.rays() - rays_before, sampler);
+        let sampler = || prepared.sampler(context.shared, pixel, sample);
+        invalid += layers.finish_sample(context, pixel, finite, rays, sampler);
     }
     row.record_invalid(x, sample, invalid);
 }

@@ -189,7 +189,11 @@ fn read_description(
             vertex_bytes: 0,
             batch: Some(0),
             fixed_bytes: |_| 0,
-            constant: described.begin_iteration.is_none(),
+            constant_from: match described.begin_iteration {
+                None => Some(|_| 0),
+                Some(_) => None,
+            },
+            recorded: None,
         }),
         sample: sample_fn,
     };

@@ -172,7 +172,8 @@ impl IntegratorRow {
     /// Returns whether pixels have common noise, because the samples of an iteration share data that
     /// differ between iterations.
     pub fn has_common_noise(&self) -> bool {
-        self.sharing.is_some_and(|sharing| !sharing.constant)
+        self.sharing
+            .is_some_and(|sharing| sharing.constant_from.is_none())
     }
 }
 

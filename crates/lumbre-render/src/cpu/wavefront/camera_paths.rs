@@ -14,6 +14,7 @@ use lumbre_light::math::real::Mask;
 use lumbre_light::math::simd::{Lanes, SimdKernel, active_lanes, dispatch, map_array, padded};
 use lumbre_light::transport::arrival::{Arrival, HitRecord};
 use lumbre_light::transport::integrator::camera_path::{CameraPaths, Path, PathState};
+use lumbre_light::transport::integrator::iteration::recorded::{LeftVertex, RecordedPaths};
 use lumbre_light::transport::ray::Ray;
 
 /// Number of samples in a tile. Their records fill half of a 48 KiB L1 data cache.
@@ -33,9 +34,41 @@ pub(super) fn render_tile<T: CameraPaths>(
     film: &mut RowFilm,
     layers: Option<&mut LayerRowFilm>,
 ) {
+    trace_tile::<T>(tile, buffers, layers.is_some(), |_, _| ());
+    let TileContext { context, job, .. } = *tile;
+    let sampler = |(x, sample): SampleId| job.sampler.start(tile.seed, [x, tile.y], sample);
+    let ids = (tile.ids, tile.y);
+    buffers
+        .light
+        .add_to_film(context, ids, film, layers, sampler);
+}
+
+/// Traces the paths of a tile and records them.
+pub(super) fn record_tile<T: CameraPaths>(tile: &TileContext) -> RecordedPaths {
+    let (mut buffers, mut vertices) = (PathTile::default(), Vec::new());
+    trace_tile::<T>(tile, &mut buffers, true, |edge, wave| {
+        for path in &wave.next {
+            let state = wave.paths.state(*path);
+            vertices.push(LeftVertex::new(*path, edge, &state));
+        }
+    });
+    let mut records = RecordedPaths::with_vertices(vertices);
+    buffers.light.record((tile.ids, tile.y), &mut records);
+    records
+}
+
+/// Traces the paths of a tile; with `has_layers` light is kept as layers need it. `leaves` is called
+/// after each step with the number of its edges and the wave, whose next paths are on the edges that
+/// leave the vertices.
+fn trace_tile<T: CameraPaths>(
+    tile: &TileContext,
+    buffers: &mut PathTile,
+    has_layers: bool,
+    mut leaves: impl FnMut(u32, &Wave),
+) {
     let TileContext { width, context, .. } = *tile;
     let count = tile.ids.len();
-    buffers.light.reset(count, layers.is_some());
+    buffers.light.reset(count, has_layers);
     buffers.wave.start(tile, Start::Camera);
     for edge in 1..=context.max_depth {
         let PathTile { wave, light } = buffers;
@@ -78,13 +111,9 @@ pub(super) fn render_tile<T: CameraPaths>(
         }
         buffers.wave.by_class = by_class;
         buffers.light.trace_pending(context);
+        leaves(edge, &buffers.wave);
         buffers.wave.advance();
     }
-    let job = tile.job;
-    let sampler = |(x, sample): SampleId| job.sampler.start(job.seed, [x, tile.y], sample);
-    buffers
-        .light
-        .add_to_film(context, (tile.ids, tile.y), film, layers, sampler);
 }
 
 /// One step of the paths of a tile: their edge number `edge`.

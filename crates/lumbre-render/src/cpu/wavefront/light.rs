@@ -11,7 +11,8 @@ use lumbre_light::math::real::{Double, Mask, Vector};
 use lumbre_light::math::simd::{F32x8, Lanes, active_lanes};
 use lumbre_light::transport::contribution::Contribution;
 use lumbre_light::transport::integrator::Context;
-use lumbre_light::transport::integrator::camera_path::{PathLight, PathSink, ShadowRay};
+use lumbre_light::transport::integrator::camera_path::{PathLight, PathSink, ShadowRay, needs_ray};
+use lumbre_light::transport::integrator::iteration::recorded::RecordedPaths;
 use lumbre_light::transport::path_time::Timing;
 use lumbre_light::transport::ray::Ray;
 use lumbre_light::transport::sampler::Sampler;
@@ -22,6 +23,8 @@ pub(super) struct Details {
     pub unweighted: Vec3,
     pub s: u32,
     pub t: u32,
+    /// Optical length of the path.
+    pub length: f64,
 }
 
 /// Contribution whose shadow ray has not been traced.
@@ -160,10 +163,20 @@ impl TileLight {
     }
 }
 
-/// Returns whether a shadow ray of this length has to be traced. Coincident points are mutually
-/// visible.
-pub(super) fn needs_ray(distance: f32) -> bool {
-    distance > 0.0 || distance.is_nan()
+impl TileLight {
+    /// Appends the light and the numbers of rays of the paths of a row's pixels to records. They must
+    /// have been found as for layers.
+    pub fn record(&mut self, (ids, y): (&[SampleId], u32), records: &mut RecordedPaths) {
+        self.layered.sort_by_key(|(path, ..)| *path);
+        let mut layered = self.layered.iter().peekable();
+        for (path, id) in ids.iter().enumerate() {
+            let own = std::iter::from_fn(|| {
+                let (_, value, details) = layered.next_if(|(p, ..)| *p == path as u32)?;
+                Some(contribution([id.0, y], *value, details))
+            });
+            records.push_path(own, self.rays[path]);
+        }
+    }
 }
 
 /// Stores shadow rays in rows, which [`stored_ray`] reads.
@@ -186,14 +199,19 @@ pub(super) fn stored_ray(row: &F32x8) -> (Ray, f32) {
 
 /// Returns a contribution as layers need it.
 fn contribution(pixel: [u32; 2], value: Vec3, details: &Details) -> Contribution {
-    let Details { unweighted, s, t } = *details;
+    let Details {
+        unweighted,
+        s,
+        t,
+        length,
+    } = *details;
     Contribution {
         pixel,
         value,
         unweighted,
         s,
         t,
-        length: 0.0,
+        length,
     }
 }
 
@@ -213,6 +231,8 @@ struct Stored<const N: usize> {
     unweighted: [[f32; N]; 3],
     s: u32,
     t: u32,
+    /// Optical lengths of the paths.
+    lengths: [f64; N],
 }
 
 impl<const N: usize> Stored<N> {
@@ -234,6 +254,11 @@ impl<const N: usize> Stored<N> {
             },
             s: light.s,
             t: light.t,
+            lengths: if has_layers && context.timing.is_some() {
+                R::store_doubles(light.length)
+            } else {
+                [0.0; N]
+            },
         }
     }
 
@@ -250,6 +275,7 @@ impl<const N: usize> Stored<N> {
             unweighted: Vec3::new(x[lane], y[lane], z[lane]),
             s: self.s,
             t: self.t,
+            length: self.lengths[lane],
         }
     }
 }

@@ -33,6 +33,7 @@ use lumbre_light::math::simd::Width;
 use lumbre_light::transport::integrator::bdpt::joins::SubpathTechnique;
 use lumbre_light::transport::integrator::camera_path::CameraPaths;
 use lumbre_light::transport::integrator::iteration::light_paths::{LightBatch, LightUnit};
+use lumbre_light::transport::integrator::iteration::recorded::{CameraBatch, RecordedPaths};
 use lumbre_light::transport::integrator::{Context, TechniqueVisitor, visit_technique};
 pub use small_scene::SmallScene;
 use wave::TileContext;
@@ -64,6 +65,24 @@ impl TileMethod {
             },
             tile_samples: camera_paths::TILE_SAMPLES,
         }
+    }
+}
+
+/// Records the camera paths of a tile.
+type RecordTile = fn(&TileContext) -> RecordedPaths;
+
+/// Selects the method of recording the paths of a technique, if it follows paths from the camera.
+struct SelectRecorder;
+
+impl TechniqueVisitor for SelectRecorder {
+    type Output = Option<RecordTile>;
+
+    fn camera_paths<T: CameraPaths>(self) -> Option<RecordTile> {
+        Some(camera_paths::record_tile::<T>)
+    }
+
+    fn subpaths<T: SubpathTechnique>(self) -> Option<RecordTile> {
+        None
     }
 }
 
@@ -132,6 +151,26 @@ impl Wavefront {
         bdpt::trace_light(self.width, context, job, batch)
     }
 
+    /// Traces camera paths of neighbouring pixels; `None` if the technique cannot be recorded.
+    pub fn trace_camera(
+        &self,
+        context: &Context,
+        job: &Job,
+        batch: &CameraBatch,
+    ) -> Option<RecordedPaths> {
+        let record_tile = visit_technique(batch.technique, SelectRecorder)??;
+        let columns = batch.columns.clone();
+        let ids: Vec<SampleId> = columns.map(|x| (x, batch.sample)).collect();
+        Some(record_tile(&TileContext {
+            width: self.width,
+            context,
+            job,
+            seed: batch.seed,
+            y: batch.row,
+            ids: &ids,
+        }))
+    }
+
     /// Renders the given samples of all pixels of row `y` and adds them to the films, if it
     /// [renders samples](Self::renders_samples). Within a tile, all splats are added before the
     /// contributions to the samples' own pixels.
@@ -163,6 +202,7 @@ impl Wavefront {
                 width: self.width,
                 context,
                 job,
+                seed: job.seed,
                 y,
                 ids: &ids,
             };

@@ -13,7 +13,8 @@ use lumbre_light::math::simd::{
 use lumbre_light::transport::arrival::{HitRecord, HitState};
 use lumbre_light::transport::integrator::Context;
 use lumbre_light::transport::integrator::camera_path::{
-    Path, PathRecord, SamplerRecord, SamplerState, TerminatorRecord, TerminatorState, TimeRecord,
+    Path, PathRecord, PathState, SamplerRecord, SamplerState, TerminatorRecord, TerminatorState,
+    TimeRecord,
 };
 use lumbre_light::transport::ray::{Hit, Ray};
 use lumbre_light::transport::sampler::Sampler;
@@ -24,6 +25,8 @@ pub(super) struct TileContext<'a> {
     pub width: Width,
     pub context: &'a Context<'a>,
     pub job: &'a Job,
+    /// Seed of the samples' random numbers.
+    pub seed: u64,
     /// Row of the samples.
     pub y: u32,
     /// Column and index of each sample.
@@ -81,7 +84,7 @@ impl Wave {
     /// Traces the edges of the active paths.
     pub fn trace(&mut self, context: &Context, light: &mut TileLight) {
         let ray = |path: &u32| {
-            let state = PathRecord::load::<f32, 1>([&self.paths.states[*path as usize]]);
+            let state = self.paths.state(*path);
             let ray = Ray {
                 origin: state.origin,
                 dir: state.dir,
@@ -137,6 +140,11 @@ impl PathRecords {
             .resize(terminators, TerminatorRecord::default());
     }
 
+    /// Returns the state of a path.
+    pub fn state(&self, path: u32) -> PathState<f32> {
+        PathRecord::load::<f32, 1>([&self.states[path as usize]])
+    }
+
     /// Returns the next auxiliary number of a path.
     fn next_auxiliary(&mut self, tile: &TileContext, path: usize) -> f32 {
         let mut one = self.load::<f32, 1>(tile, [path]);
@@ -149,8 +157,8 @@ impl PathRecords {
 
     /// Returns the sampler of a path after the numbers that it has taken.
     pub fn sampler(&self, tile: &TileContext, path: usize) -> Sampler {
-        let state = PathRecord::load::<f32, 1>([&self.states[path]]);
-        self.samplers(tile, [path], state.taken)
+        let taken = self.state(path as u32).taken;
+        self.samplers(tile, [path], taken)
     }
 
     /// Loads the samplers of paths at positions in their numbers.
@@ -229,6 +237,7 @@ impl SimdKernel for StartKernel<'_> {
         let TileContext {
             context,
             job,
+            seed,
             y,
             ids,
             ..
@@ -244,7 +253,7 @@ impl SimdKernel for StartKernel<'_> {
                 R::load_words(&map_array(lanes, |(_, sample)| (sample >> 32) as u32)),
             ];
             let pixel = [R::load_words(&columns), word(y)];
-            let sampler = Sampler::<R>::start(job.sampler.sequence, job.seed, pixel, samples);
+            let sampler = Sampler::<R>::start(job.sampler.sequence, seed, pixel, samples);
             let mut path = if start == Start::Camera {
                 let pixel = [
                     R::load(&map_array(columns, |x| x as f32)),

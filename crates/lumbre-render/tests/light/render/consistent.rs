@@ -151,34 +151,33 @@ fn split_job((row, params): &Technique, threads: usize) -> Job {
 fn any_number_of_threads_and_any_waves_give_the_same_bits() {
     for technique in &techniques() {
         for sampler in [INDEPENDENT, SOBOL] {
-            assert_same_bits(technique, sampler);
+            let rays = assert_same_bits(technique, sampler);
+            assert!(rays > 4 * 3001, "rays of photons are not counted: {rays}");
         }
     }
 }
 
-/// Compares a technique on one thread with other numbers of threads, and with other waves.
-pub fn assert_same_bits(technique: &Technique, sampler: &'static SamplerRow) {
+/// Compares a technique on one thread with other numbers of threads, and with other waves. Returns
+/// the number of rays of four samples.
+pub fn assert_same_bits(technique: &Technique, sampler: &'static SamplerRow) -> u64 {
     let scene = varied();
-    {
-        let job = |threads| Job {
-            sampler,
-            ..split_job(technique, threads)
-        };
-        let whole = render(&scene, job(1), 4);
-        assert!(whole.sum.iter().any(|s| s[0] > 0.0));
-        for threads in [2, 7] {
-            assert_eq!(whole, render(&scene, job(threads), 4), "{threads} threads");
-        }
-        for waves in [[1, 3], [2, 2], [3, 1]] {
-            let mut renderer = CpuRenderer::new(Arc::clone(&scene), job(2)).unwrap();
-            let mut rays = 0;
-            for wave in waves {
-                rays += renderer.advance(wave).unwrap().rays;
-            }
-            assert_eq!(&whole, renderer.film(), "waves {waves:?}");
-            assert!(rays > 4 * 3001, "rays of photons are not counted: {rays}");
-        }
+    let job = |threads| Job {
+        sampler,
+        ..split_job(technique, threads)
+    };
+    let whole = render(&scene, job(1), 4);
+    assert!(whole.sum.iter().any(|s| s[0] > 0.0));
+    for threads in [2, 7] {
+        assert_eq!(whole, render(&scene, job(threads), 4), "{threads} threads");
     }
+    let rays = [[1, 3], [2, 2], [3, 1]].map(|waves| {
+        let mut renderer = CpuRenderer::new(Arc::clone(&scene), job(2)).unwrap();
+        let rays = waves.map(|wave| renderer.advance(wave).unwrap().rays);
+        assert_eq!(&whole, renderer.film(), "waves {waves:?}");
+        rays.iter().sum()
+    });
+    assert!(rays.iter().all(|n| *n == rays[0]), "{rays:?} rays");
+    rays[0]
 }
 
 #[test]

@@ -6,11 +6,15 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 use lumbre_light::film::Film;
+use lumbre_light::film::layer::Layer;
+use lumbre_light::film::time::TimeAxis;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::Material;
+use lumbre_light::transport::path_time::Timing;
 use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL};
 use lumbre_light::value::Value;
 use lumbre_render::cpu::guiding_tree::{COLUMNS, GuidingTree, ROWS};
+use lumbre_render::hierarchy::LaneMode;
 use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 
 use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
@@ -77,16 +81,56 @@ fn job_of((row, params): &Technique, side: u32, depth: u32) -> Job {
 #[test]
 fn a_hidden_lamp_is_found_with_less_noise_than_by_nee() {
     let scene = hidden_lamp();
-    let film = |technique: &Technique| render(&scene, job_of(technique, 16, 6), 256);
-    let plain = film(&technique("nee", &[]));
-    for target in ["variance", "mean"] {
+    let film = |technique: &Technique| {
+        let job = Job {
+            first_sample: 2000,
+            ..job_of(technique, 16, 6)
+        };
+        render(&scene, job, 512)
+    };
+    let plain = variance(&film(&technique("nee", &[])));
+    for (target, most) in [("variance", 0.9), ("mean", 0.6)] {
         let (row, mut params) = trained(2000, 1000.0);
         params.insert("target".to_owned(), target.into());
-        let [guided, plain] = [&film(&(row, params)), &plain].map(variance);
-        assert!(guided < 0.65 * plain, "{target}: {guided} and {plain}");
+        let guided = variance(&film(&(row, params)));
+        assert!(guided < most * plain, "{target}: {guided} and {plain}");
     }
-    let all_by_bsdf = technique("guided", &[("bsdf_fraction", Value::Num(1.0))]);
-    assert_eq!(film(&all_by_bsdf).sum, plain.sum);
+}
+
+#[test]
+fn samples_have_less_noise_the_longer_the_tree_was_trained_before() {
+    let scene = hidden_lamp();
+    let of_samples = |first: u64, count: u64| {
+        let job = Job {
+            first_sample: first,
+            ..job_of(&trained(2000, 1000.0), 16, 6)
+        };
+        variance(&render(&scene, job, count)) * count as f64
+    };
+    // The fourth training iteration, the last one, and samples after the training.
+    let [early, last, after] = [(15, 16), (511, 1489), (2000, 1024)].map(|(a, n)| of_samples(a, n));
+    assert!(
+        after < 1.1 * last && last < 0.8 * early,
+        "{early}, {last}, {after}"
+    );
+}
+
+#[test]
+fn samples_after_the_training_are_those_of_nee_if_the_bsdf_samples_all_directions() {
+    let scene = hidden_lamp();
+    let film = |technique: &Technique| {
+        let job = Job {
+            first_sample: 7,
+            ..job_of(technique, 16, 6)
+        };
+        render(&scene, job, 20).sum
+    };
+    let params = [
+        ("bsdf_fraction", Value::Num(1.0)),
+        ("training", Value::Int(7)),
+    ];
+    let plain = film(&technique("nee", &[]));
+    assert_eq!(film(&technique("guided", &params)), plain);
 }
 
 #[test]
@@ -104,9 +148,52 @@ fn a_hidden_lamp_is_found_with_less_noise_than_by_bdpt() {
 #[test]
 fn any_number_of_threads_and_any_waves_give_the_same_bits() {
     for sampler in [INDEPENDENT, SOBOL] {
-        for name in GUIDED {
-            assert_same_bits(&trained_as(name, 61, 40.0), sampler);
-        }
+        assert_same_bits(&trained_as("guided_bdpt", 61, 40.0), sampler);
+        // The first wave ends before, with or after the training.
+        assert_same_bits(&trained(2, 40.0), sampler);
+        assert_same_bits(&trained(9, 40.0), sampler);
+    }
+}
+
+#[test]
+fn wide_pictures_have_the_same_bits_in_all_lanes_with_layers_and_with_time() {
+    let scene = hidden_lamp();
+    let axis = TimeAxis {
+        start: 1.0,
+        bin: 0.5,
+        bins: 12,
+    };
+    let films = |lanes, layers: &[Layer], timed: bool| {
+        let mut job = Job {
+            resolution: [301, 2],
+            layers: layers.to_vec(),
+            timing: timed.then(|| Timing::plain(axis)),
+            ..job_of(&trained(4, 40.0), 1, 5)
+        };
+        job.accel.lanes = lanes;
+        let mut renderer = CpuRenderer::new(Arc::clone(&scene), job).unwrap();
+        renderer.advance(6).unwrap();
+        let layers: Vec<Film> = (0..renderer.layers().len())
+            .map(|i| renderer.layer(i).unwrap())
+            .collect();
+        (renderer.film().clone(), layers, renderer.times())
+    };
+    let layers = [Layer::Depth, Layer::Rays];
+    for timed in [false, true] {
+        let (plain, _, times) = films(LaneMode::Never, &[], timed);
+        let single = films(LaneMode::Never, &layers, timed);
+        assert_eq!((&single.0, &single.2), (&plain, &times));
+        assert_eq!(films(LaneMode::Auto, &layers, timed), single);
+        assert_eq!(films(LaneMode::Auto, &[], timed).0, plain);
+        assert!(plain.sum.iter().any(|sum| sum[0] > 0.0));
+        let rays = single.1.last().unwrap().sum.iter().map(|sum| sum[0]);
+        let fewest = rays.clone().reduce(f64::min).unwrap();
+        let most = rays.reduce(f64::max).unwrap();
+        // Six samples with one to five edges, and as many shadow rays.
+        assert!(
+            fewest >= 6.0 && most > fewest && most <= 60.0,
+            "{fewest} to {most}"
+        );
     }
 }
 
@@ -125,7 +212,7 @@ fn the_tree_depends_on_the_seed_and_the_training() {
             seed,
             ..job_of(&trained(training, 40.0), 9, 4)
         };
-        render(&scene, job, 4).sum
+        render(&scene, job, 12).sum
     };
     assert_eq!(film(1, 8), film(1, 8));
     assert_ne!(film(1, 8), film(2, 8));
@@ -135,9 +222,17 @@ fn the_tree_depends_on_the_seed_and_the_training() {
 #[test]
 fn training_counts_its_rays_once() {
     let scene = hidden_lamp();
-    let mut renderer = CpuRenderer::new(scene, job_of(&trained(100, 40.0), 8, 4)).unwrap();
-    let waves = [4, 4].map(|samples| renderer.advance(samples).unwrap().rays);
-    assert!(waves[0] > 10 * waves[1], "{waves:?}");
+    let waves = |technique: &Technique| {
+        let mut renderer = CpuRenderer::new(Arc::clone(&scene), job_of(technique, 8, 4)).unwrap();
+        [4, 4].map(|samples| renderer.advance(samples).unwrap().rays)
+    };
+    let apart = waves(&trained_as("guided_bdpt", 100, 40.0));
+    assert!(apart[0] > 10 * apart[1], "{apart:?}");
+    let samples = waves(&trained(4, 40.0));
+    assert!(
+        2 * samples[0] > samples[1] && samples[0] < 2 * samples[1],
+        "{samples:?}"
+    );
 }
 
 #[test]

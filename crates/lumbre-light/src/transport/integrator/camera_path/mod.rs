@@ -12,7 +12,7 @@ mod single;
 mod state;
 mod walk;
 
-pub use single::{follow, sample, unoccluded};
+pub use single::{follow, needs_ray, sample, unoccluded};
 pub use state::{
     Path, PathRecord, PathState, SPECULAR, SamplerRecord, SamplerState, TerminatorRecord,
     TerminatorState, TimeRecord, TimeState,

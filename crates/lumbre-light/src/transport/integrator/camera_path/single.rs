@@ -1,6 +1,6 @@
 //! Follows camera paths one after the other: the techniques with one lane.
 
-use super::state::{Path, TerminatorState};
+use super::state::{Path, PathState, TerminatorState};
 use super::{CameraPaths, PathLight, PathSink, ShadowRay};
 use crate::transport::arrival::{Arrival, HitState};
 use crate::transport::contribution::Contribution;
@@ -15,23 +15,37 @@ pub fn sample<T: CameraPaths>(
     sampler: &mut Sampler,
     sink: &mut dyn FnMut(Contribution),
 ) {
+    follow::<T>(context, pixel, *sampler, sink, |_, _| ());
+}
+
+/// Follows one path of a pixel to its end, and returns the number of rays. `leaves` is called with
+/// the number of the edge that led to a vertex, and the path, for every vertex from which the path
+/// continues.
+pub fn follow<T: CameraPaths>(
+    context: &Context,
+    pixel: [u32; 2],
+    sampler: Sampler,
+    sink: &mut dyn FnMut(Contribution),
+    mut leaves: impl FnMut(u32, &PathState<f32>),
+) -> u32 {
     let mut sink = SingleSink {
         context,
         pixel,
         sink,
+        shadow_rays: 0,
     };
-    follow::<T, _>(context, pixel, *sampler, &mut sink, |_, _, _| ());
+    let edges = follow_edges::<T>(context, pixel, sampler, &mut sink, &mut leaves);
+    edges + sink.shadow_rays
 }
 
-/// Follows one path of a pixel to its end. `leaves` is called with the sink, the number of the edge
-/// that led to a vertex, and the path, for every vertex from which the path continues.
-pub fn follow<T: CameraPaths, S: PathSink<f32>>(
+/// Follows one path of a pixel to its end, and returns the number of its edges.
+fn follow_edges<T: CameraPaths>(
     context: &Context,
     pixel: [u32; 2],
     sampler: Sampler,
-    sink: &mut S,
-    leaves: impl Fn(&mut S, u32, &Path<f32>),
-) {
+    sink: &mut SingleSink,
+    leaves: &mut impl FnMut(u32, &PathState<f32>),
+) -> u32 {
     let mut path = Path::<f32>::from_camera(context, pixel.map(|n| n as f32), sampler);
     path.terminator = context
         .classes
@@ -43,19 +57,21 @@ pub fn follow<T: CameraPaths, S: PathSink<f32>>(
             dir: path.state.dir,
         };
         let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
-            return T::escape::<f32, 1>(context, edge, &path, true, sink);
+            T::escape::<f32, 1>(context, edge, &path, true, sink);
+            return edge;
         };
         if context.ends_unlit(edge, &hit) {
-            return;
+            return edge;
         }
         let hit = HitState::new(context.scene, &ray, &hit, || path.next_auxiliary());
         let class = &context.classes[context.classes.index_of(context.scene, &hit)];
         let arrival = Arrival::<f32, 1>::new(class, ray, &hit);
         if !T::scatter::<f32, 1>(context, edge, &arrival, &mut path, true, sink) {
-            return;
+            return edge;
         }
-        leaves(sink, edge, &path);
+        leaves(edge, &path.state);
     }
+    context.max_depth
 }
 
 /// Sink of one path, which traces shadow rays at once.
@@ -63,6 +79,8 @@ struct SingleSink<'a> {
     context: &'a Context<'a>,
     pixel: [u32; 2],
     sink: &'a mut dyn FnMut(Contribution),
+    /// Number of shadow rays so far.
+    shadow_rays: u32,
 }
 
 impl PathSink<f32> for SingleSink<'_> {
@@ -80,18 +98,29 @@ impl PathSink<f32> for SingleSink<'_> {
     }
 
     fn add_unless_occluded(&mut self, lanes: bool, ray: &ShadowRay<f32>, light: &PathLight<f32>) {
-        if lanes && unoccluded(self.context, ray) {
+        if !lanes {
+            return;
+        }
+        self.shadow_rays += u32::from(needs_ray(ray.distance));
+        if unoccluded(self.context, ray) {
             self.add(true, light);
         }
     }
 }
 
-/// Returns whether nothing blocks a shadow ray. Coincident points see each other.
+/// Returns whether a shadow ray of this length has to be traced. Coincident points are mutually
+/// visible.
+#[inline]
+pub fn needs_ray(distance: f32) -> bool {
+    distance > 0.0 || distance.is_nan()
+}
+
+/// Returns whether nothing blocks a shadow ray.
 pub fn unoccluded(context: &Context, ray: &ShadowRay<f32>) -> bool {
     let ShadowRay {
         origin,
         dir,
         distance,
     } = *ray;
-    distance <= 0.0 || !context.trace.occluded(&Ray { origin, dir }, distance)
+    !needs_ray(distance) || !context.trace.occluded(&Ray { origin, dir }, distance)
 }

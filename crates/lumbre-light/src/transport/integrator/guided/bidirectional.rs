@@ -1,12 +1,12 @@
 //! Guided bidirectional path tracing: [`bdpt`](crate::transport::integrator::bdpt) whose camera
 //! subpaths continue in the directions of [`guided`](super).
 //!
-//! The tree is that of `guided`. The density with which a camera subpath continues is the mixture of
+//! The tree is that of `guided`, but training paths are not part of the picture. The density with which a camera subpath continues is the mixture of
 //! BSDF and tree wherever a weight depends on it: for the edges of camera subpaths, for connections
 //! at camera vertices, and at vertices of light subpaths for the way back to the previous vertex,
 //! which a camera subpath that came the other way would go on to. Light subpaths are not guided.
 
-use super::{MixedDirections, SHARING, settings};
+use super::{MixedDirections, TRAINED, settings};
 use crate::math::simd::Lanes;
 use crate::transport::bsdf::{BsdfSample, TransportMode};
 use crate::transport::integrator::bdpt::directions::SubpathDirections;
@@ -23,14 +23,14 @@ use crate::value::schema::Table;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "guided_bdpt",
     long_name: "guided bidirectional path tracing",
-    revision: 1,
+    revision: 2,
     doc: "Paths are those of bdpt, but camera paths continue in directions where training paths \
           found light, by the tree of guided [Müller et al. 2017; Rath et al. 2020].",
     params: Table {
         name: "GuidedBdptParams",
         doc: "Parameters of `guided_bdpt`.",
         fields: &[
-            settings::TRAINING,
+            settings::TRAINING_BEFORE,
             settings::TARGET,
             settings::BSDF_FRACTION,
             settings::SPLIT,
@@ -43,7 +43,7 @@ pub const ROW: IntegratorRow = IntegratorRow {
     },
     splats: true,
     bias: None,
-    sharing: Some(SHARING),
+    sharing: Some(TRAINED),
     sample: |context, pixel, sampler, sink| {
         single::sample(context, GuidedDirections, pixel, sampler, sink);
     },

@@ -1,9 +1,9 @@
 //! Practical path guiding [Müller et al. 2017]: [`nee`](super::nee) whose paths continue in
 //! directions from which light was found before.
 //!
-//! Before the first sample, training paths fill an [SD-tree](sd_tree): at every point of the scene a
-//! density of directions ([`training`]). A vertex samples its next edge by the BSDF or by the tree,
-//! and the density is that of the mixture,
+//! The first samples fill an [SD-tree](sd_tree): at every point of the scene a density of directions
+//! ([`training`]). A vertex samples its next edge by the BSDF or by the tree, and the density is that
+//! of the mixture,
 //!
 //! `p(wi) = a p_bsdf(wi) + (1 - a) p_tree(wi)`,
 //!
@@ -14,10 +14,9 @@
 //!   on in a direction. With `target = "variance"` it is the root of their mean square, which has
 //!   the least variance of the picture, given light sampling [Rath et al. 2020]. Light that the
 //!   vertex finds by its own shadow ray is not part of it.
-//! - Pictures are unbiased: their samples have other random numbers than training paths.
-//! - All samples use the same tree, so they have the same variance and equal weights. The pictures
-//!   of training paths are not used: they would have to be weighted by the inverse of their
-//!   variance [Müller 2019], and the best of them has about as many paths as half of `training`.
+//! - The tree learns from a number of samples that doubles, then from as many as are left of
+//!   `training`, and stays the same afterwards. All samples are part of the picture, with equal
+//!   weights. Each is unbiased, since the tree that guides it does not depend on it.
 //! - [`bidirectional`] guides the camera subpaths of `bdpt` by the same tree.
 
 pub mod bidirectional;
@@ -28,11 +27,10 @@ pub mod settings;
 mod tests;
 pub mod training;
 
-use std::sync::Arc;
-
 use glam::Vec3;
 
 use self::sd_tree::SdTree;
+use self::training::Guide;
 use super::camera_path::{self, Arrival, CameraPaths, Path, PathSink};
 use super::directions::{Directions, SurfaceVertex};
 use super::iteration::Sharing;
@@ -50,8 +48,8 @@ use crate::value::schema::Table;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "guided",
     long_name: "guided path tracing with next event estimation",
-    revision: 2,
-    doc: "Paths are those of nee, but continue in directions where training paths found light, by a \
+    revision: 3,
+    doc: "Paths are those of nee, but continue in directions where earlier samples found light, by a \
           tree over space and directions [Müller et al. 2017; Rath et al. 2020].",
     params: Table {
         name: "GuidedParams",
@@ -69,18 +67,25 @@ pub const ROW: IntegratorRow = IntegratorRow {
     },
     splats: false,
     bias: None,
-    sharing: Some(SHARING),
+    sharing: Some(Sharing {
+        prepare: training::prepare,
+        begin: training::begin,
+        constant_from: Some(training::samples_that_train),
+        recorded: Some(Guide::recorded),
+        ..TRAINED
+    }),
     sample: camera_path::sample::<Guided>,
 };
 
-/// The functions that train the tree, which all iterations share.
-const SHARING: Sharing = Sharing {
-    prepare: training::prepare,
-    begin: training::begin,
+/// The functions that train the tree before the first sample.
+const TRAINED: Sharing = Sharing {
+    prepare: training::prepare_apart,
+    begin: training::begin_trained,
     vertex_bytes: training::VERTEX_BYTES,
     batch: Some(training::BATCH),
     fixed_bytes: |settings| settings.guiding.tree_bytes(),
-    constant: true,
+    constant_from: Some(|_| 0),
+    recorded: None,
 };
 
 /// Guided path tracing.
@@ -123,7 +128,7 @@ struct MixedDirections<R, const N: usize> {
 
 /// Returns the tree of the samples.
 fn tree<'a>(context: &Context<'a>) -> &'a SdTree {
-    context.shared::<Arc<SdTree>>()
+    &context.shared::<Guide>().tree
 }
 
 impl<R: Lanes<N>, const N: usize> Directions<R, N> for MixedDirections<R, N> {

@@ -5,17 +5,36 @@ use std::collections::BTreeMap;
 use crate::value::Value;
 use crate::value::schema::{Field, Ty};
 
-/// The parameter `training`.
+/// Default of [`TRAINING`].
+pub const SAMPLES_THAT_TRAIN: u64 = 256;
+
+/// The parameter `training` of `guided`.
 pub const TRAINING: Field = Field {
     key: "training",
-    ty: Ty::Int {
-        min: 1,
-        max: 1 << 20,
-    },
+    ty: TRAINING_RANGE,
+    required: false,
+    default: "256",
+    doc: "number of samples of every pixel from which the tree learns, the first ones; they are part \
+          of the picture",
+};
+
+/// Default of [`TRAINING_BEFORE`].
+pub const PATHS_BEFORE: u64 = 32;
+
+/// The parameter `training` of `guided_bdpt`.
+pub const TRAINING_BEFORE: Field = Field {
+    key: "training",
+    ty: TRAINING_RANGE,
     required: false,
     default: "32",
     doc: "number of training paths of every pixel, which are traced before the first sample and \
           only shape the tree; their time counts as render time",
+};
+
+/// Range of the parameter `training`.
+const TRAINING_RANGE: Ty = Ty::Int {
+    min: 1,
+    max: 1 << 20,
 };
 
 /// The parameter `bsdf_fraction`.
@@ -77,8 +96,8 @@ pub enum Target {
 /// The parameters of [`guided`](super).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Guiding {
-    /// Number of training paths of every pixel.
-    pub training: u64,
+    /// Number of paths of every pixel from which the tree learns; `None` for the technique's default.
+    pub training: Option<u64>,
     /// Fraction of directions that are sampled by the BSDF.
     pub bsdf_fraction: f32,
     /// Quantity to which the density of directions is proportional.
@@ -98,7 +117,10 @@ impl Guiding {
         };
         let variance = params.get(TARGET.key).and_then(Value::as_str) == Some("variance");
         Guiding {
-            training: number(TRAINING, 32.0) as u64,
+            training: params
+                .get(TRAINING.key)
+                .and_then(Value::as_f64)
+                .map(|paths| paths as u64),
             bsdf_fraction: number(BSDF_FRACTION, 0.5) as f32,
             target: if variance {
                 Target::Variance
@@ -144,7 +166,7 @@ mod tests {
 
     #[test]
     fn defaults_are_those_of_the_schema() {
-        let fields = [TRAINING, BSDF_FRACTION, TARGET, SPLIT, TREE_MEMORY];
+        let fields = [BSDF_FRACTION, TARGET, SPLIT, TREE_MEMORY];
         let given = fields.map(|field| {
             let value = match field.ty {
                 Ty::Word(_) => Value::from(field.default),
@@ -157,7 +179,14 @@ mod tests {
         let other = [("training", Value::Int(7)), ("target", "variance".into())];
         let other = other.map(|(key, value): (&str, Value)| (key.to_owned(), value));
         let other = Guiding::from_params(&other.into());
-        assert_eq!((other.training, other.target), (7, Target::Variance));
+        assert_eq!((other.training, other.target), (Some(7), Target::Variance));
+        let training = [
+            (TRAINING, SAMPLES_THAT_TRAIN),
+            (TRAINING_BEFORE, PATHS_BEFORE),
+        ];
+        for (field, default) in training {
+            assert_eq!(field.default, default.to_string());
+        }
     }
 
     #[test]

@@ -339,6 +339,7 @@ impl Iteration<'_> {
             seed,
             sampler,
             workers,
+            ..
         } = self.resources;
         let batch = LightBatch {
             sampler,

@@ -5,7 +5,8 @@
 //! samples of each iteration, from paths that belong to no pixel: photons, vertices of
 //! [light subpaths](light_paths). All samples of the iteration read them through
 //! [`Context::shared`]. What is the same in all iterations, such as the radius of the first one, is
-//! prepared once for each job.
+//! prepared once for each job. Where later iterations learn from the samples of earlier ones, these
+//! are [recorded] while their iteration begins.
 //!
 //! Invariant: shared data are a function of the scene, the job, its seed and the index of the
 //! iteration alone, never of earlier iterations. Pictures therefore have the same bits for any
@@ -15,14 +16,18 @@
 
 pub mod light_paths;
 pub mod photon_map;
+pub mod recorded;
 
 use std::any::Any;
 use std::sync::OnceLock;
 
 use self::light_paths::{LightBatch, LightUnit};
+use self::recorded::{CameraBatch, RecordedPaths, RecordedSamples};
 use super::Context;
 use super::settings::Settings;
+use crate::math::rng::pcg4d;
 use crate::transport::MAX_SURVIVAL;
+use crate::transport::contribution::Contribution;
 use crate::transport::sampler::{Sampler, SamplerRow};
 
 /// Data that all samples of an iteration read; integrators recover the type by
@@ -50,29 +55,54 @@ pub struct Sharing {
     pub batch: Option<u64>,
     /// Returns an upper bound of the bytes that do not depend on the number of paths.
     pub fixed_bytes: fn(&Settings) -> u64,
-    /// Whether all iterations share the same data, so that their samples can be rendered at once.
-    pub constant: bool,
+    /// Returns the index of the iteration from which on all share the same data, so that their
+    /// samples can be rendered at once; `None` if each has its own.
+    pub constant_from: Option<fn(&Settings) -> u64>,
+    /// Returns the samples of an iteration that were rendered while its data were computed, where
+    /// there are any.
+    pub recorded: Option<RecordedFn>,
+}
+
+/// Returns the samples that were rendered while an iteration began; `None` if they still have to be.
+pub type RecordedFn = fn(&Shared) -> Option<&RecordedSamples>;
+
+/// Size of a job's paths, for bounds of memory.
+#[derive(Clone, Copy, Debug)]
+pub struct PathSize {
+    /// Number of pixels of the picture.
+    pub pixels: u64,
+    /// Greatest number of edges of a path.
+    pub max_depth: u32,
+    /// First edge after which Russian roulette may end a path; `None` without it.
+    pub rr_start: Option<u32>,
+    /// Whether films need the contributions of a sample one by one: see [`Resources::each`].
+    pub each: bool,
 }
 
 impl Sharing {
-    /// Returns an upper bound of the bytes that the data of an iteration take, for a picture with a
-    /// number of pixels. Where Russian roulette ends subpaths, it bounds their expected number of
-    /// vertices: after it starts, at most `1 / (1 - MAX_SURVIVAL)` follow on average.
-    pub fn bytes(
-        &self,
-        settings: &Settings,
-        pixels: u64,
-        max_depth: u32,
-        rr_start: Option<u32>,
-    ) -> u64 {
-        let paths = settings.photons.map_or(pixels, u64::from);
+    /// Returns an upper bound of the bytes that the data of an iteration take. Where Russian roulette
+    /// ends subpaths, it bounds their expected number of vertices: after it starts, at most
+    /// `1 / (1 - MAX_SURVIVAL)` follow on average.
+    pub fn bytes(&self, settings: &Settings, size: &PathSize) -> u64 {
+        let paths = settings.photons.map_or(size.pixels, u64::from);
         let paths = paths.min(self.batch.unwrap_or(u64::MAX));
         let after = (1.0 / (1.0 - f64::from(MAX_SURVIVAL))).ceil() as u32;
-        let by_roulette = rr_start.map_or(u32::MAX, |start| start.saturating_add(after));
-        let vertices = max_depth.saturating_sub(1).min(by_roulette);
-        let of_path = light_paths::PATH_BYTES + vertices as usize * self.vertex_bytes;
+        let by_roulette = size
+            .rr_start
+            .map_or(u32::MAX, |start| start.saturating_add(after));
+        let vertices = size.max_depth.saturating_sub(1).min(by_roulette) as usize;
+        let of_path = light_paths::PATH_BYTES + vertices * self.vertex_bytes;
+        // A vertex adds light at most twice, and so does the end of the path.
+        let light = (vertices + 1) * 2 * size_of::<Contribution>();
+        let of_sample = match self.recorded {
+            None => 0,
+            Some(_) if size.each => RecordedSamples::BYTES + light,
+            Some(_) => RecordedSamples::BYTES,
+        };
         let fixed = (self.fixed_bytes)(settings);
-        fixed.saturating_add(paths.saturating_mul(of_path as u64))
+        let paths = paths.saturating_mul(of_path as u64);
+        let samples = size.pixels.saturating_mul(of_sample as u64);
+        fixed.saturating_add(paths).saturating_add(samples)
     }
 }
 
@@ -80,8 +110,8 @@ impl Sharing {
 /// large.
 const NO_PIXEL: [u32; 2] = [u32::MAX; 2];
 
-/// Bit that columns and rows of training paths have. No picture is that large.
-const TRAINING: u32 = 1 << 31;
+/// Word that keys the seeds of training paths.
+const TRAINING: u32 = 0x7472_6169;
 
 /// Column and row that key the random numbers of paths from which a job is prepared.
 const PREPARED: [u32; 2] = [u32::MAX - 1; 2];
@@ -98,6 +128,13 @@ pub trait Workers: Sync {
     fn trace_light(&self, context: &Context, batch: &LightBatch) -> LightUnit {
         batch.trace_single(context)
     }
+
+    /// Traces camera paths in the calling thread, many at a time. Returns `None` if the renderer
+    /// cannot; records have the same bits as those of [`CameraBatch::follow`].
+    fn trace_camera(&self, context: &Context, batch: &CameraBatch) -> Option<RecordedPaths> {
+        let _ = (context, batch);
+        None
+    }
 }
 
 /// Threads and random numbers for paths that belong to no pixel.
@@ -107,6 +144,8 @@ pub struct Resources<'a> {
     pub seed: u64,
     /// Generator of random numbers.
     pub sampler: &'static SamplerRow,
+    /// Whether films need the contributions of a sample one by one: for layers, or for a time axis.
+    pub each: bool,
     /// Threads of the renderer.
     pub workers: &'a dyn Workers,
 }
@@ -123,11 +162,12 @@ pub struct Iteration<'a> {
 }
 
 impl Resources<'_> {
-    /// Returns the random numbers of a training path of a pixel. They are independent of those of
-    /// the picture's samples.
-    pub fn training_sampler(&self, pixel: [u32; 2], path: u64) -> Sampler {
-        let pixel = pixel.map(|n| n | TRAINING);
-        self.sampler.start(self.seed, pixel, path)
+    /// Returns the seed of training paths that no earlier number of a sequence may influence. Such
+    /// numbers are independent of those of the samples, and of those of other `part`s of training.
+    pub fn training_seed(&self, part: u32) -> u64 {
+        let words = [self.seed as u32, (self.seed >> 32) as u32, TRAINING, part];
+        let [low, high, ..] = pcg4d(words);
+        u64::from(high) << 32 | u64::from(low)
     }
 
     /// Returns the results of `work` for each index below `count`, in the order of the indices. The
@@ -207,7 +247,8 @@ mod tests {
             vertex_bytes: 100,
             batch: None,
             fixed_bytes: |_| 0,
-            constant: false,
+            constant_from: None,
+            recorded: None,
         };
         let automatic = Settings::new(&BTreeMap::new());
         let given = Settings {
@@ -215,7 +256,13 @@ mod tests {
             ..automatic
         };
         let path = light_paths::PATH_BYTES as u64;
-        let bytes = |settings, depth, rr| sharing.bytes(settings, 50, depth, rr);
+        let size = |max_depth, rr_start| PathSize {
+            pixels: 50,
+            max_depth,
+            rr_start,
+            each: false,
+        };
+        let bytes = |settings, depth, rr| sharing.bytes(settings, &size(depth, rr));
         assert_eq!(bytes(&automatic, 1, None), 50 * path);
         assert_eq!(bytes(&automatic, 9, None), 50 * (path + 800));
         assert_eq!(bytes(&given, 9, None), 7 * (path + 800));
@@ -228,6 +275,21 @@ mod tests {
             ..sharing
         };
         let fixed = automatic.guiding.tree_bytes();
-        assert_eq!(batched.bytes(&given, 50, 9, None), fixed + 5 * (path + 800));
+        let shared = fixed + 5 * (path + 800);
+        assert_eq!(batched.bytes(&given, &size(9, None)), shared);
+        // Samples of 50 pixels, each added up or as up to 18 contributions.
+        let recording = Sharing {
+            recorded: Some(|_| None),
+            ..batched
+        };
+        let sample = RecordedSamples::BYTES as u64;
+        let summed = recording.bytes(&given, &size(9, None));
+        assert_eq!(summed, shared + 50 * sample);
+        let each = PathSize {
+            each: true,
+            ..size(9, None)
+        };
+        let light = 18 * size_of::<Contribution>() as u64;
+        assert_eq!(recording.bytes(&given, &each), summed + 50 * light);
     }
 }

@@ -63,7 +63,8 @@ pub const ROW: IntegratorRow = IntegratorRow {
         vertex_bytes: cache::VERTEX_BYTES,
         batch: None,
         fixed_bytes: |_| 0,
-        constant: false,
+        constant_from: None,
+        recorded: None,
     }),
     sample,
 };

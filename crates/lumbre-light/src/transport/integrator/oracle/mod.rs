@@ -233,6 +233,7 @@ fn first_iteration(
     let resources = Resources {
         seed,
         sampler: INDEPENDENT,
+        each: false,
         workers: &OneThread(lend),
     };
     Some(begin(&Iteration {

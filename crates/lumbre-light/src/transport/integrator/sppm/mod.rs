@@ -74,7 +74,8 @@ pub const ROW: IntegratorRow = IntegratorRow {
         vertex_bytes: point_bytes::<PhotonRecord>(),
         batch: None,
         fixed_bytes: |_| 0,
-        constant: false,
+        constant_from: None,
+        recorded: None,
     }),
     sample: camera_path::sample::<Sppm>,
 };

@@ -73,7 +73,8 @@ pub const ROW: IntegratorRow = IntegratorRow {
         vertex_bytes: shared::VERTEX_BYTES,
         batch: None,
         fixed_bytes: |_| 0,
-        constant: false,
+        constant_from: None,
+        recorded: None,
     }),
     sample,
 };

@@ -10,7 +10,7 @@ use super::lists::{
 };
 use super::source::LightSubpaths;
 use super::vertices::Vertices;
-use crate::cpu::wavefront::light::{TileLight, needs_ray, store_rays, stored_ray};
+use crate::cpu::wavefront::light::{TileLight, store_rays, stored_ray};
 use crate::cpu::wavefront::wave::{PathRecords, TileContext};
 use lumbre_light::math::real::{Double, Mask, Vector};
 use lumbre_light::math::simd::{F32x8, Lanes, SimdKernel, active_lanes, map_array, padded};
@@ -26,6 +26,7 @@ use lumbre_light::transport::integrator::bdpt::state::{
 };
 use lumbre_light::transport::integrator::bdpt::store::{VertexId, VertexStore};
 use lumbre_light::transport::integrator::bdpt::weights::MisPartials;
+use lumbre_light::transport::integrator::camera_path::needs_ray;
 use lumbre_light::transport::ray::Ray;
 
 /// Number of queued contributions at which their shadow rays are traced.

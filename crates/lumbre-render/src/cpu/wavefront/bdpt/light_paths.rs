@@ -27,7 +27,7 @@ struct LightTile {
     light: TileLight,
 }
 
-/// Traces the subpaths of a batch, whose random numbers are those of the job.
+/// Traces the subpaths of a batch, with the job's generator of random numbers.
 pub(in crate::cpu::wavefront) fn trace(
     width: Width,
     context: &Context,
@@ -43,6 +43,7 @@ pub(in crate::cpu::wavefront) fn trace(
             width,
             context,
             job,
+            seed: batch.seed,
             y: row,
             ids,
         };

@@ -126,7 +126,13 @@ impl OwnContributions {
         }
         if columns.layered {
             let unweighted = Vec3::ZERO;
-            self.details.push(Details { unweighted, s, t });
+            let length = 0.0;
+            self.details.push(Details {
+                unweighted,
+                s,
+                t,
+                length,
+            });
         }
         self.values.len() as u32 - 1
     }
@@ -141,6 +147,7 @@ impl OwnContributions {
         }
         if let Some(to) = self.details.get_mut(index) {
             to.unweighted = unweighted;
+            to.length = length;
         }
     }
 

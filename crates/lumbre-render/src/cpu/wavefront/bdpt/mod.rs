@@ -117,6 +117,6 @@ pub(super) fn render_tile(
     };
     Lister::new(lists, connecting, light, splats).list_all(paths);
     let job = tile.job;
-    let sampler = |(x, sample): SampleId| job.sampler.start(job.seed, [x, tile.y], sample);
+    let sampler = |(x, sample): SampleId| job.sampler.start(tile.seed, [x, tile.y], sample);
     light.add_to_film(context, (tile.ids, tile.y), film, layers, sampler);
 }
