@@ -196,7 +196,13 @@ pub const DATA_WAVE: [Column; 1] = [WAVE];
 pub const DATA_COUNTS: [Column; 5] = [SAMPLES_PER_PIXEL, RENDER_S, WALL_S, PATHS, RAYS];
 
 /// Columns of `data/runs.csv` after the metrics.
-pub const DATA_ACCEL: [Column; 4] = [
+pub const DATA_ACCEL: [Column; 5] = [
+    column(
+        "lanes",
+        "1",
+        "number of paths that the processor traced at a time, one in each lane of a vector; empty if \
+         unknown",
+    ),
     column(
         "accel_build_s",
         "s",

@@ -97,6 +97,8 @@ pub struct RunResult {
     pub resolution: Option<[u32; 2]>,
     /// Device that rendered the run, for people, if it is finished and the device is known.
     pub device: Option<String>,
+    /// Number of paths that the processor traced at a time, one in each lane of a vector, if known.
+    pub lanes: Option<u32>,
     /// External program that rendered the run, if any.
     pub peer: Option<Peer>,
     /// State of the run.
@@ -181,6 +183,19 @@ pub struct ReferenceResult {
     pub picture: Option<PathBuf>,
     /// Origin of the picture.
     pub origin: ReferenceOrigin,
+    /// Comparisons with other techniques, if there were any.
+    pub checks: Vec<BiasCheckSummary>,
+}
+
+/// Result of comparing a reference with the same picture by another technique.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BiasCheckSummary {
+    /// Integrator of the second picture.
+    pub technique: String,
+    /// Whether no comparison found a difference.
+    pub agrees: bool,
+    /// The result in one sentence.
+    pub finding: String,
 }
 
 /// Origin of the picture of a reference.
@@ -211,6 +226,13 @@ impl ReferenceOrigin {
 }
 
 impl NightResults {
+    /// References that runs were measured against, in the order of the plan.
+    pub fn references_of_runs(&self) -> impl Iterator<Item = &ReferenceResult> {
+        let is_used = |index: usize| self.runs.iter().any(|run| run.reference == Some(index));
+        let references = self.references.iter().enumerate();
+        references.filter_map(move |(i, reference)| is_used(i).then_some(reference))
+    }
+
     /// Devices of all finished runs in the order of the plan, without repetition.
     pub fn devices(&self) -> Vec<String> {
         let mut devices: Vec<String> = Vec::new();

@@ -134,6 +134,7 @@ impl ShardSums {
             // what only the times of cells are labelled by.
             scene: _,
             threads: _,
+            lanes: _,
             peer: _,
             device,
         } = &self.open;

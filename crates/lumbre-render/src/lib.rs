@@ -186,6 +186,9 @@ pub struct OpenStats {
     pub device: String,
     /// Number of threads of the processor that render; 0 on another device, or if unknown.
     pub threads: u32,
+    /// Number of paths that the processor traces at a time, one in each lane of a vector; 0 on another
+    /// device, or if unknown.
+    pub lanes: u32,
     /// External program that renders, if any.
     pub peer: Option<Peer>,
 }

@@ -37,7 +37,14 @@ pub fn integrator_help<'a>(name: &str, declared: impl IntoIterator<Item = &'a st
         return (*here).to_owned();
     }
     let rows = integrators().chain(EXTERNALS).map(|row| row.name);
-    help(name, rows.chain(declared))
+    let help = help(name, rows.chain(declared));
+    if help.starts_with("did you mean") {
+        return help;
+    }
+    format!(
+        "{help}; a technique of your own is known to the program that you built with it, by \
+         lumbre::main_with, and to no other"
+    )
 }
 
 #[cfg(test)]
@@ -54,6 +61,7 @@ mod tests {
             "did you mean `external:toy`?"
         );
         assert!(integrator_help("zzz", []).contains("external:mitsuba"));
+        assert!(integrator_help("my_technique", []).contains("lumbre::main_with"));
         let mut names = ELSEWHERE.iter().flat_map(|(names, _)| *names);
         assert!(names.all(|name| integrator(name).is_none()));
     }

@@ -66,18 +66,7 @@ fn sentences(study: &Study) -> Vec<String> {
     out.extend(techniques(study));
     out.extend(external_renderers(study));
     out.extend(denoisers(study));
-    let references = study
-        .nights
-        .iter()
-        .flat_map(|n| &n.references)
-        .filter(|reference| reference.picture.is_some());
-    let references = merged_references(references.map(|r| &r.origin));
-    if !references.is_empty() {
-        out.push(format!(
-            "Errors were measured against precomputed references: {}.",
-            references.join("; ")
-        ));
-    }
+    out.extend(references(study));
     out.extend(study.metrics.iter().map(definition));
     out.push(shown_by(study));
     out.push("Render time is the time spent inside the renderer.".to_owned());
@@ -89,6 +78,32 @@ fn sentences(study: &Study) -> Vec<String> {
             .to_owned(),
     );
     out.push(format!("Figures and tables were made with {PROGRAM}."));
+    out
+}
+
+/// Returns sentences on the references that errors were measured against, and on their comparisons
+/// with other techniques.
+fn references(study: &Study) -> Vec<String> {
+    let nights = study.nights.iter();
+    let used: Vec<_> = nights
+        .flat_map(NightResults::references_of_runs)
+        .filter(|reference| reference.picture.is_some())
+        .collect();
+    let origins = merged_references(used.iter().map(|reference| &reference.origin));
+    if origins.is_empty() {
+        return Vec::new();
+    }
+    let mut out = vec![format!(
+        "Errors were measured against precomputed references: {}.",
+        origins.join("; ")
+    )];
+    let checks = used.iter().flat_map(|reference| &reference.checks);
+    out.extend(checks.map(|check| {
+        format!(
+            "A reference was compared with `{}`: {}.",
+            check.technique, check.finding
+        )
+    }));
     out
 }
 

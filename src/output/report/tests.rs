@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use super::*;
 use crate::experiment::WaveRow;
 use crate::experiment::night_results::{
-    Machine, NightResults, ReferenceOrigin, ReferenceResult, RunResult, RunState,
+    BiasCheckSummary, Machine, NightResults, ReferenceOrigin, ReferenceResult, RunResult, RunState,
 };
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
@@ -55,6 +55,7 @@ fn night(device: &str, speed: f64) -> NightResults {
                 integrator: "bdpt".to_owned(),
                 samples: 4096,
             },
+            checks: Vec::new(),
         }],
         notes: Vec::new(),
     }
@@ -98,6 +99,7 @@ fn run(
         max_depth: Some(5),
         resolution: Some([40, 30]),
         device: Some(device.to_owned()),
+        lanes: Some(16),
         peer: None,
         state: RunState::Done("128 samples per pixel".to_owned()),
         rows: rows.collect(),

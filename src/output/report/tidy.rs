@@ -120,6 +120,7 @@ fn runs(study: &Study, axes: &[String]) -> String {
                 String::new(),
             ),
         }
+        fields.push(m.run.lanes.map(|n| n.to_string()).unwrap_or_default());
         fields.push(m.run.accel.map(|a| exact(a.0)).unwrap_or_default());
         fields.push(m.run.accel.map(|a| a.1.to_string()).unwrap_or_default());
         fields.push(

@@ -245,8 +245,50 @@ fn sentence(column: &Column) -> String {
     }
 }
 
-/// Returns what weakens the answer: few repeats, numbers at the noise of their reference, and
-/// thresholds that the first measurement had passed.
+/// Returns a sentence if some series traced one path at a time and others many.
+fn mixed_lanes(study: &Study) -> Option<String> {
+    let (mut single, mut vectors) = (Vec::new(), Vec::new());
+    for (index, series) in study.series.iter().enumerate() {
+        let facets = 0..study.facets.len();
+        let mut runs = facets.flat_map(|facet| study.members(facet, index));
+        match runs.find_map(|member| member.run.lanes) {
+            Some(1) => single.push(series.label.as_str()),
+            Some(_) => vectors.push(series.label.as_str()),
+            None => {}
+        }
+    }
+    (!single.is_empty() && !vectors.is_empty()).then(|| {
+        format!(
+            "{} traced one path at a time, and {} many at a time in vectors, which alone makes \
+             samples several times as fast. `accel = {{ lanes = \"never\" }}` in the render table \
+             compares all of them one path at a time, with the same pictures.",
+            single.join(", "),
+            vectors.join(", ")
+        )
+    })
+}
+
+/// Returns a sentence for each reference that does not agree with another technique.
+fn disagreements(study: &Study) -> Vec<String> {
+    let checks = study
+        .nights
+        .iter()
+        .flat_map(|night| night.references_of_runs())
+        .flat_map(|reference| &reference.checks);
+    let failed = checks.filter(|check| !check.agrees);
+    failed
+        .map(|check| {
+            format!(
+                "A reference DISAGREES with `{}`: {}. One of the two is wrong or biased.",
+                check.technique, check.finding
+            )
+        })
+        .collect()
+}
+
+/// Returns what weakens the answer: few repeats, numbers at the noise of their reference,
+/// thresholds that the first measurement had passed, series with and without vectors, and references
+/// that other techniques contradict.
 fn caveats(study: &Study, tables: &[&Table]) -> Vec<String> {
     let mut caveats = Vec::new();
     let finals = |table: &&&Table| table.name.starts_with("final-");
@@ -295,6 +337,8 @@ fn caveats(study: &Study, tables: &[&Table]) -> Vec<String> {
             ));
         }
     }
+    caveats.extend(mixed_lanes(study));
+    caveats.extend(disagreements(study));
     if study.bias_sentence().is_some() {
         caveats.push(
             "Denoised series are biased: they lead while noise is the larger part of the error, \

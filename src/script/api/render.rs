@@ -12,7 +12,7 @@ use lumbre_light::film::layer::Layer;
 use lumbre_light::scene::desc::TextureSlot;
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::transport::integrator::external::is_declared;
-use lumbre_light::transport::integrator::integrator;
+use lumbre_light::transport::integrator::{IntegratorRow, integrator, integrators};
 use lumbre_light::transport::path_time::Timing;
 use lumbre_light::transport::sampler::SAMPLER_NAMES;
 use lumbre_light::value::Value;
@@ -54,8 +54,7 @@ pub fn cell_config(
             .flat_map(|v| v.keys().map(String::as_str)),
     );
     if let Some(key) = params.keys().find(|key| !own.contains(&key.as_str())) {
-        let known = RENDER.fields.iter().map(|f| f.key);
-        return Err(unknown_key(&at(key), key, known.chain(own)));
+        return Err(unknown_param(key, own, &at(key)));
     }
     RENDER.check(path, &common)?;
     let (Some(row), Some(name)) = (row, name) else {
@@ -95,6 +94,22 @@ pub fn cell_config(
         backend: text(&common, "backend").unwrap_or_else(|| "auto".to_owned()),
         fallback: None,
     })
+}
+
+/// Returns the error of a key that is neither common nor one of the technique's `own`: the most
+/// similar key, or the techniques that have it.
+fn unknown_param(key: &str, own: Vec<&str>, path: &str) -> SchemaError {
+    let known = RENDER.fields.iter().map(|f| f.key);
+    let mut error = unknown_key(path, key, known.chain(own));
+    let has_it = |row: &&IntegratorRow| row.params.fields.iter().any(|f| f.key == key);
+    let owners: Vec<String> = integrators()
+        .filter(has_it)
+        .map(|row| format!("`{}`", row.name))
+        .collect();
+    if !owners.is_empty() {
+        error.help = Some(format!("it is a key of {}", owners.join(", ")));
+    }
+    error
 }
 
 /// Returns the parameters of a declared technique with the values that a render table gives.

@@ -9,14 +9,14 @@ use super::merged_journal::finished_runs;
 use super::night_reader::NightReader;
 use super::run_reader::{RunReader, describe};
 use crate::experiment::night_results::{
-    Machine, NightResults, ReferenceOrigin, ReferenceResult, RunResult, RunState,
+    BiasCheckSummary, Machine, NightResults, ReferenceOrigin, ReferenceResult, RunResult, RunState,
 };
 use crate::experiment::spec::Presentation;
 use crate::experiment::{CellRef, CellResult, Outcome, Plan, WaveRow};
 use crate::store::schema::plan::{
     EnvFile, PlanFile, PlannedCell, PlannedReference, PresentationRecord,
 };
-use crate::store::schema::run::{DONE, DoneFile, REFERENCE, RunResults};
+use crate::store::schema::run::{BiasCheckFile, DONE, DoneFile, REFERENCE, RunResults};
 use crate::store::{Store, StoreError};
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
@@ -149,6 +149,7 @@ fn run_result(
         resolution: cell.resolution,
         device: results.map(device).filter(|device| !device.is_empty()),
         peer: results.and_then(|results| results.open.peer.as_ref().map(Peer::from)),
+        lanes: results.and_then(|results| results.open.lanes),
         accel: results.map(|results| (results.open.accel_build_s, results.open.accel_nodes)),
         accel_size: results.map(|results| (results.open.accel_bytes, results.open.accel_cost)),
         reference: cell.reference,
@@ -254,10 +255,29 @@ fn reference_result(
             }
         }
     };
+    let checks = RunReader::new(night.run_folder(CellRef::Reference(index))).bias_checks();
+    let checks = checks.map_err(|error| evidence.report(&error.path, &error.problem.to_string()));
+    let own = |check: &BiasCheckFile| check.reference == reference.run();
     ReferenceResult {
         id: reference.run().to_owned(),
         picture,
         origin,
+        checks: checks
+            .unwrap_or_default()
+            .into_iter()
+            .filter(own)
+            .map(BiasCheckSummary::from)
+            .collect(),
+    }
+}
+
+impl From<BiasCheckFile> for BiasCheckSummary {
+    fn from(check: BiasCheckFile) -> BiasCheckSummary {
+        BiasCheckSummary {
+            technique: check.technique,
+            agrees: check.agrees,
+            finding: check.finding,
+        }
     }
 }
 

@@ -6,10 +6,10 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::experiment::WaveRow;
-use crate::store::schema::run::{ConfigFile, DoneFile, FailedFile};
+use crate::store::schema::run::{BiasCheckFile, ConfigFile, DoneFile, FailedFile};
 use crate::store::schema::{ReadError, StoredFile};
 use crate::store::write::{checkpoint, failure, manifest_checksum, metrics_csv};
-use crate::store::{FILMS, StoreError, layout, regular_file};
+use crate::store::{BIAS_CHECK_PREFIX, FILMS, StoreError, layout, regular_file};
 
 /// Folder of a run or a reference.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -107,6 +107,22 @@ impl RunReader {
     /// Record of the last attempt, if it failed.
     pub fn failure(&self) -> Option<FailedFile> {
         failure::read(&self.folder)
+    }
+
+    /// Results of comparing the reference in this folder with other techniques, by file name.
+    ///
+    /// # Errors
+    /// When one of them cannot be read.
+    pub fn bias_checks(&self) -> Result<Vec<BiasCheckFile>, ReadError> {
+        let entries = fs::read_dir(&self.folder).into_iter().flatten().flatten();
+        let is_check = |path: &PathBuf| {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            name.starts_with(BIAS_CHECK_PREFIX) && name.ends_with(".json")
+        };
+        let mut paths: Vec<PathBuf> = entries.map(|e| e.path()).filter(is_check).collect();
+        paths.sort();
+        let read = |path: &PathBuf| BiasCheckFile::read_from(path);
+        paths.iter().map(read).collect()
     }
 
     /// Measurements of the run; none if its file is missing or has no complete line. `done` is how

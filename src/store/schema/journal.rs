@@ -331,6 +331,7 @@ impl From<&OpenStats> for OpenCost {
             geometry_bytes: (open.scene.geometry > 0).then_some(open.scene.geometry),
             texture_bytes: (open.scene.geometry > 0).then_some(open.scene.textures),
             threads: (open.threads > 0).then_some(open.threads),
+            lanes: (open.lanes > 0).then_some(open.lanes),
             peer: open.peer.as_ref().map(PeerProgram::from),
         }
     }
@@ -350,6 +351,7 @@ impl OpenCost {
                 textures: self.texture_bytes.unwrap_or(0),
             },
             threads: self.threads.unwrap_or(0),
+            lanes: self.lanes.unwrap_or(0),
             peer: self.peer.as_ref().map(Peer::from),
             ..OpenStats::default()
         }

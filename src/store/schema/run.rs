@@ -205,6 +205,10 @@ records! {
         /// Threads of the processor that rendered; absent on another device, or if unknown.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub threads: Option<u32>,
+        /// Number of paths that the processor traced at a time, one in each lane of a vector; absent on
+        /// another device, or if unknown.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub lanes: Option<u32>,
         /// External program that rendered; absent if there is none.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub peer: Option<PeerProgram>,

@@ -16,7 +16,7 @@ const IDS: [(&str, &str); 10] = [
     ("sobol", "a9d4b739"),
     ("strategies", "89596c40"),
     ("merging", "6801d685"),
-    ("guiding", "67a62d0d"),
+    ("guiding", "e031497f"),
     ("layers", "8ed7640b"),
     ("time", "bdbfebbb"),
     ("filter", "18fdebd1"),

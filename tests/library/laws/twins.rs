@@ -213,6 +213,10 @@ const HOST: &[(&str, &str)] = &[
         "devices share no data between pixels",
     ),
     (
+        "crates/lumbre-light/src/transport/integrator/iteration/recorded.rs",
+        "devices share no data between pixels",
+    ),
+    (
         "crates/lumbre-light/src/transport/integrator/mod.rs",
         "the table of integrators",
     ),

@@ -169,6 +169,18 @@ impl From<&str> for Value {
     }
 }
 
+impl From<i64> for Value {
+    fn from(n: i64) -> Value {
+        Value::Int(n)
+    }
+}
+
+impl From<u32> for Value {
+    fn from(n: u32) -> Value {
+        Value::Int(i64::from(n))
+    }
+}
+
 impl From<f64> for Value {
     fn from(x: f64) -> Value {
         Value::number(x)

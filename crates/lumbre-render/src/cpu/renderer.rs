@@ -101,15 +101,16 @@ impl CpuRenderer {
             .map_err(unsupported)?;
         let prepared = pool.install(|| PreparedJob::new(scene, camera, job));
         let PreparedJob { accel, job, .. } = &prepared;
-        let vectorised = prepared.wavefront().is_some();
+        let lanes = prepared.wavefront().map_or(1, Wavefront::lanes);
         let open_stats = OpenStats {
             accel_build_s: accel.build_s,
             accel_nodes: accel.node_count() as u64,
             accel_bytes: accel.bytes() as u64,
             accel_cost: accel.cost(),
             scene: accel.scene.memory(),
-            device: device_line(accel, pool.current_num_threads(), vectorised),
+            device: device_line(accel, pool.current_num_threads(), lanes > 1),
             threads: u32::try_from(pool.current_num_threads()).unwrap_or(0),
+            lanes,
             ..OpenStats::default()
         };
         Ok(CpuRenderer {

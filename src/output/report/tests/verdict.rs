@@ -107,6 +107,49 @@ fn the_page_does_not_repeat_rmse_as_mse() {
 }
 
 #[test]
+fn techniques_with_and_without_vectors_are_told_apart() {
+    let mut mixed = night("Sample GPU", 1.0);
+    for run in mixed.runs.iter_mut().filter(|run| run.integrator == "bpt") {
+        run.lanes = Some(1);
+    }
+    let markdown = verdict(mixed);
+    let expected = "bpt traced one path at a time, and nee many at a time in vectors";
+    assert!(markdown.contains(expected), "{markdown}");
+    assert!(!verdict(night("Sample GPU", 1.0)).contains("in vectors"));
+}
+
+#[test]
+fn references_that_runs_use_are_named_with_their_checks() {
+    let mut own = night("Sample GPU", 1.0);
+    own.references.push(ReferenceResult {
+        origin: ReferenceOrigin::Rendered {
+            integrator: "lvc".to_owned(),
+            samples: 99,
+        },
+        ..own.references[0].clone()
+    });
+    let checked = |agrees| {
+        let mut own = own.clone();
+        own.references[0].checks = vec![BiasCheckSummary {
+            technique: "lvc".to_owned(),
+            agrees,
+            finding: "3 of 20 comparisons differ".to_owned(),
+        }];
+        report(&[own], &ReportOptions::default())
+    };
+    let text_of = |agrees, stem| text(&checked(agrees), stem, "md");
+    let methods = text_of(false, "methods");
+    assert!(
+        methods.contains("references: bdpt, 4096 samples per pixel."),
+        "{methods}"
+    );
+    let sentence = "A reference was compared with `lvc`: 3 of 20 comparisons differ.";
+    assert!(methods.contains(sentence), "{methods}");
+    assert!(text_of(false, "verdict").contains("DISAGREES with `lvc`"));
+    assert!(!text_of(true, "verdict").contains("DISAGREES"));
+}
+
+#[test]
 fn crops_show_the_least_noisy_reference_and_warn_if_references_differ() {
     let mut own = night("Sample GPU", 1.0);
     own.references.push(ReferenceResult {

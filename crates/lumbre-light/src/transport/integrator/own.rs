@@ -32,6 +32,12 @@ pub enum RegistrationError {
     /// The name is taken.
     #[error("there are two techniques `{0}`: give yours another name")]
     TakenName(String),
+    /// The technique is biased, and its long name does not say so.
+    #[error(
+        "the long name of `{0}`, which tables and figures show, has to end in `biased`, since its row \
+         states a bias"
+    )]
+    HiddenBias(String),
     /// Techniques were registered or looked up before.
     #[error("techniques are registered once, before anything else")]
     TooLate,
@@ -41,7 +47,8 @@ pub enum RegistrationError {
 /// ones. Must be called at most once, before any integrator is looked up.
 ///
 /// # Errors
-/// Returns an error, and registers nothing, if a name is invalid or taken, or on a later call.
+/// Returns an error, and registers nothing, if a name is invalid or taken, or hides a bias, or on a
+/// later call.
 pub fn register(techniques: Vec<Registered>) -> Result<(), RegistrationError> {
     let rows: Vec<&IntegratorRow> = techniques.iter().map(|own| &own.row).collect();
     for (i, row) in rows.iter().enumerate() {
@@ -56,6 +63,9 @@ pub fn register(techniques: Vec<Registered>) -> Result<(), RegistrationError> {
             .chain([external::DECLARED.name]);
         if taken.any(|name| name == row.name) {
             return Err(RegistrationError::TakenName(row.name.to_owned()));
+        }
+        if row.bias.is_some() && !row.long_name.ends_with("biased") {
+            return Err(RegistrationError::HiddenBias(row.name.to_owned()));
         }
     }
     OWN.set(techniques).map_err(|_| RegistrationError::TooLate)
@@ -118,6 +128,10 @@ mod tests {
         }
         let twice = register(vec![named("mine"), named("mine")]);
         assert_eq!(twice, Err(RegistrationError::TakenName("mine".to_owned())));
+        let mut biased = named("mine");
+        biased.row.bias = Some("it is a test");
+        let hidden = RegistrationError::HiddenBias("mine".to_owned());
+        assert_eq!(register(vec![biased]), Err(hidden));
         assert_eq!(integrators().count(), INTEGRATORS.len());
         assert_eq!(
             register(vec![named("mine")]),

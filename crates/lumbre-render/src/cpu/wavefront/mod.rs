@@ -141,6 +141,11 @@ impl Wavefront {
         self.small_scene.as_ref()
     }
 
+    /// Returns the number of paths in a vector.
+    pub fn lanes(&self) -> u32 {
+        self.width.lanes() as u32
+    }
+
     /// Returns whether it renders the samples of the job's technique.
     pub fn renders_samples(&self) -> bool {
         self.technique.is_some()

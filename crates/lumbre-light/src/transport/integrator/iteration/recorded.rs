@@ -54,7 +54,7 @@ pub struct RecordedPaths {
     vertices: Vec<LeftVertex>,
     /// Light that the paths found, path by path, in the order in which a sample adds it.
     light: Vec<Contribution>,
-    /// Of each path the end of its light in `light`, and its number of rays.
+    /// The end of the light of each path in `light`, and the number of rays of the path.
     ends: Vec<(u32, u32)>,
 }
 
