@@ -73,8 +73,9 @@ fn pairs(techniques: &[Technique]) -> Vec<(usize, usize)> {
 /// # Errors
 /// If a built-in scene cannot be loaded.
 pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
+    // Few samples of a block can miss a caustic, and their variance with it.
     let (side, block, samples) = if request.quick {
-        (24, 8, 64)
+        (16, 8, 256)
     } else {
         (96, 12, 256)
     };

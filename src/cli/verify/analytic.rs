@@ -39,6 +39,7 @@ pub(super) fn known_scenes() -> Vec<KnownScene> {
         furnace(),
         glass(),
         uniform_environment(),
+        white_plastic(),
         sphere_over_floor(),
     ]
 }
@@ -166,27 +167,51 @@ fn glass() -> KnownScene {
 /// A convex diffuse body under uniform radiance L has the radiance a L.
 fn uniform_environment() -> KnownScene {
     let albedo = Vec3::new(0.9, 0.5, 0.2);
-    let mut scene = scene(
-        Vec3::Z * 4.0,
-        Vec3::ZERO,
-        10.0,
-        vec![lambert("ball", albedo)],
-        vec![ball("ball", Vec3::ZERO, 1.0)],
-    );
-    scene.environment = Some(EnvironmentDesc {
-        source: EnvironmentSource::Color(Vec3::splat(2.0)),
-        rotation_deg: 0.0,
-        scale: 1.0,
-        sampling: Default::default(),
-    });
     KnownScene {
         name: "environment",
         formula: "a L",
-        scene,
+        scene: ball_under_radiance(lambert("ball", albedo), 2.0),
         max_depth: 3,
         radiance: constant(albedo.to_array().map(|a| 2.0 * f64::from(a))),
         samples: 128,
     }
+}
+
+/// White plastic, whose smooth coat is a Dirac lobe beside a diffuse one, loses no light: a convex
+/// body of it under uniform radiance L has the radiance L.
+fn white_plastic() -> KnownScene {
+    let plastic = MaterialDesc {
+        model: Model::Plastic,
+        roughness: 0.0,
+        ior: 2.5,
+        ..lambert("ball", Vec3::ONE)
+    };
+    KnownScene {
+        name: "white plastic",
+        formula: "L",
+        scene: ball_under_radiance(plastic, 2.0),
+        max_depth: 3,
+        radiance: constant([2.0; 3]),
+        samples: 128,
+    }
+}
+
+/// Returns a ball that fills the picture, under the same radiance from all directions.
+fn ball_under_radiance(material: MaterialDesc, radiance: f32) -> SceneDesc {
+    let mut scene = scene(
+        Vec3::Z * 4.0,
+        Vec3::ZERO,
+        10.0,
+        vec![material],
+        vec![ball("ball", Vec3::ZERO, 1.0)],
+    );
+    scene.environment = Some(EnvironmentDesc {
+        source: EnvironmentSource::Color(Vec3::splat(radiance)),
+        rotation_deg: 0.0,
+        scale: 1.0,
+        sampling: Default::default(),
+    });
+    scene
 }
 
 /// A floor under an emissive sphere of radius r at height h, seen from below the sphere. At the

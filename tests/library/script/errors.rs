@@ -443,6 +443,11 @@ fn errors_in_render_tables_have_the_line_of_their_key() {
             "render.integrator: unknown integrator `btp` (did you mean `bpt`?)",
         ),
         (
+            good.replace("\"bpt\"", "\"bpt\", strategies = \"all\""),
+            4,
+            "render.strategies: unknown key `strategies` (it is a key of `bdpt`, `guided_bdpt`)",
+        ),
+        (
             good.replace("\"s.scn\"", "\"t.scn\""),
             4,
             "render.scene: there is no file `t.scn` (did you mean `",
