@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::typed::setting;
+use super::typed::{count, setting};
 use lumbre_light::value::Value;
 
 /// Options of `lumbre check`.
@@ -63,8 +63,8 @@ pub struct TraceArgs {
     /// Index of the sample, from 0.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub sample: u64,
-    /// Integrator, if FILE is a scene.
-    #[arg(long, value_name = "NAME", default_value = "nee")]
+    /// Technique, if FILE is a scene.
+    #[arg(short, long, value_name = "NAME", default_value = "nee")]
     pub integrator: String,
     /// Sampler, if FILE is a scene.
     #[arg(long, value_name = "NAME", default_value = "independent")]
@@ -73,7 +73,7 @@ pub struct TraceArgs {
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
     /// Maximum number of path edges, if FILE is a scene [default: the scene's].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = count::<u32>, allow_hyphen_values = true)]
     pub depth: Option<u32>,
     /// Width and height in pixels, if FILE is a scene [default: the scene's].
     #[arg(long, value_name = "WxH", value_parser = crate::cli::scene::trace::size)]
