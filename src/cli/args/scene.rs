@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::typed::{count, setting};
+use super::typed::{SceneArg, count, scene_arg, setting};
 use lumbre_light::value::Value;
 
 /// Options of `lumbre check`.
@@ -56,7 +56,13 @@ pub struct ExportArgs {
 #[derive(Args, Debug)]
 pub struct TraceArgs {
     /// Scene file, or a run: its folder, first digits of its id, `latest`, or words of its path.
-    pub file: PathBuf,
+    ///
+    /// Options of a Lua scene follow a question mark: `room.lua?light=lamps,size=3`.
+    #[arg(value_name = "FILE", value_parser = scene_arg)]
+    pub file: SceneArg,
+    /// Parameters of the technique, if FILE is a scene.
+    #[arg(value_name = "KEY=VALUE", value_parser = setting)]
+    pub params: Vec<(String, Value)>,
     /// Column and row of the pixel, from the top left.
     #[arg(long, value_name = "X,Y", value_parser = crate::cli::scene::trace::pixel)]
     pub pixel: [u32; 2],
