@@ -454,8 +454,8 @@ mod tests {
     fn every_subcommand_without_options_exists() {
         let command = Cli::command();
         for name in WITHOUT_OPTIONS {
-            let words = name.split(' ');
-            let found = words.fold(Some(&command), |at, word| at?.find_subcommand(word));
+            let mut words = name.split(' ');
+            let found = words.try_fold(&command, |at, word| at.find_subcommand(word));
             assert!(found.is_some(), "{name}");
         }
     }
