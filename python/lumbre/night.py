@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 import tempfile
 from pathlib import Path
-from typing import Any, Dict, List, Optional, Sequence, Union
+from typing import Any, Dict, Iterable, List, Optional, Sequence, Union
 
 import numpy as np
 
@@ -219,15 +220,24 @@ class Night:
         """Returns the run with these axis values.
 
         Raises:
-            KeyError: There is none, or there are several.
+            KeyError: There is no such axis, there is no such run, or there are several.
         """
+        runs = self.runs
+        axes = {axis: _distinct(run.point.get(axis) for run in runs) for run in runs for axis in run.point}
+        for axis in point:
+            if axis not in axes:
+                near = difflib.get_close_matches(axis, axes, 1)
+                known = f"did you mean `{near[0]}`?" if near else f"there are {', '.join(axes)}"
+                raise KeyError(f"there is no axis `{axis}`: {known}")
+
         def matches(run: Run) -> bool:
             wanted = all(run.point.get(axis) == value for axis, value in point.items())
             return wanted and run.repeat == repeat
 
-        found = [run for run in self.runs if matches(run)]
+        found = [run for run in runs if matches(run)]
         if len(found) != 1:
-            raise KeyError(f"{len(found)} runs have {point} and repeat {repeat}")
+            values = "; ".join(f"{axis}: {', '.join(map(str, axes[axis]))}" for axis in axes)
+            raise KeyError(f"{len(found)} runs have {point} and repeat {repeat}; values are {values}")
         return found[0]
 
     @property
@@ -316,6 +326,15 @@ def _text(values: Any) -> str:
     if isinstance(values, (list, tuple)):
         return ",".join(_text(value) for value in values)
     return str(values)
+
+
+def _distinct(values: Iterable[Any]) -> List[Any]:
+    """Returns values without repetitions, in their order; they need not be hashable."""
+    found: List[Any] = []
+    for value in values:
+        if value not in found:
+            found.append(value)
+    return found
 
 
 def _json(path: Path) -> Dict[str, Any]:

@@ -9,7 +9,10 @@ from typing import Any, Dict, Iterator, List, Sequence, Union
 import numpy as np
 
 #: Value of a field: a number, text, or ``None`` where nothing was measured.
-Value = Union[float, str, None]
+Value = Union[int, float, str, None]
+
+#: Integers are read as such below this, which NumPy and pandas can store.
+_LIMIT = 2**63
 
 
 class Table:
@@ -27,18 +30,11 @@ class Table:
     @classmethod
     def read(cls, path: Union[str, Path]) -> "Table":
         """Reads a CSV file with a header. A column whose fields are all numbers or empty has
-        numbers; an empty field is ``None``."""
+        numbers, and integers if all are whole; an empty field is ``None``."""
         with open(path, newline="", encoding="utf-8") as file:
             lines = list(csv.reader(file))
         header, fields = (lines[0], lines[1:]) if lines else ([], [])
-        columns = []
-        for index in range(len(header)):
-            texts = [line[index] for line in fields]
-            try:
-                values: List[Value] = [float(text) if text else None for text in texts]
-            except ValueError:
-                values = [text or None for text in texts]
-            columns.append(values)
+        columns = [_values([line[index] for line in fields]) for index in range(len(header))]
         rows = [dict(zip(header, row)) for row in zip(*columns)]
         return cls(header, rows)
 
@@ -74,14 +70,20 @@ class Table:
         return Table(self.columns, rows)
 
     def to_pandas(self) -> Any:
-        """Returns a ``pandas.DataFrame``; pandas has to be installed."""
+        """Returns a ``pandas.DataFrame``; pandas has to be installed. Columns of integers are
+        ``int64``, or the nullable ``Int64`` if a field is empty."""
         import pandas
 
-        return pandas.DataFrame(self.rows, columns=self.columns)
+        frame = pandas.DataFrame(self.rows, columns=self.columns)
+        for name in self.columns:
+            values = [row[name] for row in self.rows if row[name] is not None]
+            if values and all(isinstance(value, int) for value in values):
+                frame[name] = frame[name].astype("int64" if len(values) == len(self) else "Int64")
+        return frame
 
     def _repr_html_(self) -> str:
         def cell(value: Value) -> str:
-            text = "" if value is None else f"{value:g}" if isinstance(value, float) else value
+            text = "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
             return text.replace("&", "&amp;").replace("<", "&lt;")
 
         head = "".join(f"<th>{cell(name)}</th>" for name in self.columns)
@@ -90,3 +92,17 @@ class Table:
             for row in self.rows
         )
         return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _values(texts: Sequence[str]) -> List[Value]:
+    """Returns the values of a column: integers, numbers or text, and ``None`` for empty fields."""
+    try:
+        whole = [int(text) if text else None for text in texts]
+        if all(value is None or abs(value) < _LIMIT for value in whole):
+            return list(whole)
+    except ValueError:
+        pass
+    try:
+        return [float(text) if text else None for text in texts]
+    except ValueError:
+        return [text or None for text in texts]

@@ -68,8 +68,15 @@ class NightTest(Workplace):
         self.assertTrue(all(run.is_done for run in night.runs))
         run = night.run(technique="bdpt", repeat=1)
         self.assertEqual((run.repeat, run.results["samples"]), (1, 8))
-        with self.assertRaises(KeyError):
-            night.run(technique="sppm")
+        for wrong, message in (
+            ({"technique": "sppm"}, "values are technique: nee, bdpt"),
+            ({"techniqe": "nee"}, "did you mean `technique`?"),
+            ({"zebra": 1}, "there are technique, samples"),
+            ({}, "2 runs have"),
+        ):
+            with self.assertRaises(KeyError) as caught:
+                night.run(**wrong)
+            self.assertIn(message, str(caught.exception))
         status = night.status()
         self.assertEqual((status["version"], status["state"], status["cells"]["done"]), (1, "over", 4))
 
@@ -111,6 +118,22 @@ class NightTest(Workplace):
         frame = summary.to_pandas()
         self.assertIsInstance(frame, pandas.DataFrame)
         self.assertEqual(frame.groupby("technique")["rmse"].count()["nee"], 2)
+        kinds = {name: str(frame[name].dtype) for name in ("cell", "repeat", "samples", "rmse")}
+        expected = {"cell": "int64", "repeat": "int64", "samples": "int64", "rmse": "float64"}
+        self.assertEqual(kinds, expected)
+
+    def test_columns_of_whole_numbers_are_integers(self):
+        Path("a.csv").write_text(f"a,b,c,d,e\n1,,2.5,{2**64},x\n-2,7,3,1,\n")
+        table = lumbre.Table.read("a.csv")
+        self.assertEqual(table.rows[1], {"a": -2, "b": 7, "c": 3.0, "d": 1.0, "e": None})
+        self.assertIsInstance(table.rows[0]["a"], int)
+        self.assertEqual(table.column("b").dtype, np.float64)
+        try:
+            import pandas  # noqa: F401
+        except ImportError:
+            self.skipTest("pandas is not installed")
+        kinds = [str(kind) for kind in table.to_pandas().dtypes]
+        self.assertEqual(kinds[:4], ["int64", "Int64", "float64", "float64"])
 
     def test_figures_show_in_a_notebook(self):
         figure = self.night.figures["convergence"]

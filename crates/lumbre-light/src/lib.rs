@@ -64,9 +64,11 @@
 //! | [`film`] | sums of samples: pictures, layers, time axes |
 //! | [`scene`] | descriptions of scenes, loaders, compiled scenes |
 //! | [`transport`] | BSDFs, lights, cameras, samplers and integrators |
+//! | [`prelude`] | what a technique of another crate usually imports |
 
 pub mod film;
 pub mod math;
+pub mod prelude;
 pub mod scene;
 pub mod transport;
 pub mod value;

@@ -2,7 +2,8 @@
 //! is known, or which another technique renders too.
 //!
 //! Every check renders pictures of 16 x 16 pixels with fixed seeds, so one that passes once passes
-//! always. It returns what differs as an error.
+//! always. It returns what differs as an error. Paths have at most 5 edges, unless
+//! [`Trial::max_depth`] sets another number.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -33,8 +34,10 @@ const BLOCK: u32 = 8;
 /// Number of pictures with different seeds, from which errors are estimated.
 const PICTURES: u64 = 24;
 
-/// Number of path edges in the checks, and samples of every pixel of a picture.
+/// Default of the maximum number of path edges.
 const DEPTH: u32 = 5;
+
+/// Number of samples of every pixel of a picture.
 const SAMPLES: u64 = 64;
 
 /// Probability that a check of a correct technique fails, over all possible seeds.
@@ -44,6 +47,7 @@ const SIGNIFICANCE: f64 = 0.001;
 pub struct Trial {
     row: &'static IntegratorRow,
     params: BTreeMap<String, Value>,
+    max_depth: u32,
 }
 
 impl Trial {
@@ -66,7 +70,22 @@ impl Trial {
         let params = params.iter().map(|(k, v)| ((*k).to_owned(), v.clone()));
         let params: BTreeMap<String, Value> = params.collect();
         row.params.check(name, &params).map_err(|e| e.to_string())?;
-        Ok(Trial { row, params })
+        Ok(Trial {
+            row,
+            params,
+            max_depth: DEPTH,
+        })
+    }
+
+    /// Sets the maximum number of path edges, which is 5 by default; 1 = emission only, 2 = direct
+    /// light. Holds for both pictures of a comparison, and for the radiance that a furnace must
+    /// have. For a technique that has a limit of its own, pass at most that limit. 0 counts as 1.
+    #[must_use]
+    pub fn max_depth(self, edges: u32) -> Trial {
+        Trial {
+            max_depth: edges.max(1),
+            ..self
+        }
     }
 
     /// Checks the furnace: a closed room whose walls emit `e` and reflect the share `a` of light.
@@ -81,7 +100,8 @@ impl Trial {
             ..grey("walls", Vec3::from(reflected.map(|a| a as f32)))
         };
         let scene = scene(vec![walls], vec![walls_around(1.0)])?;
-        let expected = reflected.map(|a: f64| emitted * (1.0 - a.powi(DEPTH as i32)) / (1.0 - a));
+        let edges = i32::try_from(self.max_depth).unwrap_or(i32::MAX);
+        let expected = reflected.map(|a: f64| emitted * (1.0 - a.powi(edges)) / (1.0 - a));
         let pictures = self.pictures(&scene)?;
         for (block, values) in pictures.iter().enumerate() {
             let truth = expected[block % 3];
@@ -92,8 +112,9 @@ impl Trial {
             let p = two_sided_p((mean - truth) / error, n - 1.0);
             if p < sidak(SIGNIFICANCE, pictures.len()) {
                 return Err(format!(
-                    "furnace: {} has the radiance {mean:.6} +- {error:.6} instead of {truth:.6}",
-                    place(block)
+                    "furnace: {} has the radiance {mean:.6} +- {error:.6} instead of {truth:.6}; {}",
+                    place(block),
+                    self.depth()
                 ));
             }
         }
@@ -110,16 +131,19 @@ impl Trial {
         let scene = room()?;
         let [own, others] = [
             self.pictures(&scene)?,
-            Trial::named(other, &[])?.pictures(&scene)?,
+            Trial::named(other, &[])?
+                .max_depth(self.max_depth)
+                .pictures(&scene)?,
         ];
         for (block, (a, b)) in own.iter().zip(&others).enumerate() {
             if welch_p(a, b) < sidak(SIGNIFICANCE, own.len()) {
                 let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
                 return Err(format!(
-                    "agreement: {} has the radiance {:.6}, and {:.6} by {other}",
+                    "agreement: {} has the radiance {:.6}, and {:.6} by {other}; {}",
                     place(block),
                     mean(a),
-                    mean(b)
+                    mean(b),
+                    self.depth()
                 ));
             }
         }
@@ -167,6 +191,14 @@ impl Trial {
         Ok(())
     }
 
+    /// Returns the depth of the pictures for a message of failure.
+    fn depth(&self) -> String {
+        format!(
+            "paths have up to {} edges, which `Trial::max_depth` sets",
+            self.max_depth
+        )
+    }
+
     /// Renders waves of samples.
     fn film(
         &self,
@@ -178,7 +210,7 @@ impl Trial {
         let job = Job {
             params: self.params.clone(),
             threads,
-            ..Job::plain(self.row, [SIDE; 2], DEPTH, seed)
+            ..Job::plain(self.row, [SIDE; 2], self.max_depth, seed)
         };
         let mut renderer = CpuRenderer::new(Arc::clone(scene), job).map_err(|e| e.to_string())?;
         for samples in waves {
@@ -290,7 +322,8 @@ fn walls_around(half: f32) -> EntityDesc {
     }
 }
 
-/// Returns a closed room with a light and three balls.
+/// Returns a closed room with a light and four balls. The coat of the plastic one is a Dirac lobe
+/// beside a diffuse one, next to the light, which the coat reflects into the camera.
 fn room() -> Result<Arc<CompiledScene>, String> {
     let light = MaterialDesc {
         emission: Vec3::new(6.0, 5.0, 4.0),
@@ -302,6 +335,12 @@ fn room() -> Result<Arc<CompiledScene>, String> {
         metallic: 1.0,
         ..MaterialDesc::new("glossy")
     };
+    let plastic = MaterialDesc {
+        model: Model::Plastic,
+        roughness: 0.0,
+        ior: 2.5,
+        ..grey("plastic", Vec3::splat(0.6))
+    };
     let glass = MaterialDesc {
         opacity: 0.0,
         roughness: 0.0,
@@ -311,6 +350,7 @@ fn room() -> Result<Arc<CompiledScene>, String> {
         vec![
             grey("walls", Vec3::new(0.6, 0.5, 0.4)),
             grey("diffuse", Vec3::splat(0.7)),
+            plastic,
             light,
             glossy,
             glass,
@@ -319,6 +359,7 @@ fn room() -> Result<Arc<CompiledScene>, String> {
             walls_around(1.0),
             ball("light", Vec3::new(0.0, 0.55, 0.1), 0.3),
             ball("diffuse", Vec3::new(-0.6, -0.4, -0.4), 0.35),
+            ball("plastic", Vec3::new(-0.45, 0.35, -0.3), 0.3),
             ball("glossy", Vec3::new(0.6, -0.4, -0.4), 0.35),
             ball("glass", Vec3::new(0.0, -0.5, 0.2), 0.25),
         ],
@@ -364,8 +405,23 @@ mod tests {
         let pair = Value::List(vec![Value::Int(0), Value::Int(3)]);
         let one = Trial::named("bdpt", &[("strategies", pair)]).unwrap();
         assert!(one.furnace().unwrap_err().contains("instead of"));
+        assert!(one.furnace().unwrap_err().contains("up to 5 edges"));
         assert!(one.agreement("bpt").unwrap_err().contains("by bpt"));
         assert!(Trial::named("nee", &[("mis", 3.0.into())]).is_err());
         assert!(nee.agreement("nothing").is_err());
+    }
+
+    #[test]
+    fn the_depth_holds_for_both_pictures_and_the_closed_form() {
+        for edges in [1, 2, 7] {
+            let nee = Trial::named("nee", &[]).unwrap().max_depth(edges);
+            nee.furnace().unwrap();
+            nee.agreement("bpt").unwrap();
+        }
+        // This strategy has paths of two edges alone, which are all of the direct light.
+        let pair = Value::List(vec![Value::Int(1), Value::Int(2)]);
+        let direct = Trial::named("bdpt", &[("strategies", pair)]).unwrap();
+        let error = direct.max_depth(2).furnace().unwrap_err();
+        assert!(error.contains("up to 2 edges"), "{error}");
     }
 }

@@ -121,6 +121,37 @@ const OPTIONS: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "confine",
+        &[
+            "render",
+            "explore",
+            "compare",
+            "new",
+            "run",
+            "retry",
+            "plan",
+            "check",
+            "watch",
+            "status",
+            "ls",
+            "show",
+            "explain",
+            "report",
+            "view",
+            "metric",
+            "diff",
+            "reproduce",
+            "trace",
+            "bsdf",
+            "export",
+            "submit",
+            "work",
+            "cancel",
+            "verify",
+            "bench",
+        ],
+    ),
+    (
         "lenient",
         &[
             "render",
@@ -143,6 +174,10 @@ const OPTIONS: &[(&str, &[&str])] = &[
         ],
     ),
 ];
+
+/// Subcommands of verbs on which no option of [`OPTIONS`] has an effect. On other subcommands, those
+/// of the verb have one.
+const WITHOUT_OPTIONS: &[&str] = &["new technique", "benchmark compare"];
 
 /// Heading of the options that every verb accepts.
 const EVERY_VERB: &str = "Options of every verb";
@@ -176,26 +211,41 @@ pub fn command() -> Command {
     command.build();
     command.mut_subcommands(|verb| {
         let name = verb.get_name().to_owned();
-        verb.mut_args(|arg| {
-            let arg = if arg.is_global_set() {
-                arg.help_heading(EVERY_VERB)
-            } else {
-                arg
-            };
-            if has_effect(arg.get_id().as_str(), &name) {
-                arg
-            } else {
-                arg.hide(true)
-            }
-        })
+        with_hidden_options(verb, &name)
+    })
+}
+
+/// Returns a verb whose help leaves out options without effect, in its subcommands too. `name` is
+/// its name after that of the verb to which it belongs, as in `new technique`.
+fn with_hidden_options(verb: Command, name: &str) -> Command {
+    let verb = verb.mut_args(|arg| {
+        let arg = if arg.is_global_set() {
+            arg.help_heading(EVERY_VERB)
+        } else {
+            arg
+        };
+        if has_effect(arg.get_id().as_str(), name) {
+            arg
+        } else {
+            arg.hide(true)
+        }
+    });
+    verb.mut_subcommands(|inner| {
+        let name = format!("{name} {}", inner.get_name());
+        with_hidden_options(inner, &name)
     })
 }
 
 /// Returns a warning for each global option that is given to a verb on which it has no effect.
 pub fn options_without_effect(matches: &ArgMatches) -> Vec<String> {
-    let Some((verb, given)) = matches.subcommand() else {
+    let Some((verb, mut given)) = matches.subcommand() else {
         return Vec::new();
     };
+    let mut verb = verb.to_owned();
+    while let Some((inner, matches)) = given.subcommand() {
+        (verb, given) = (format!("{verb} {inner}"), matches);
+    }
+    let verb = verb.as_str();
     let is_given = |option: &&str| given.value_source(option) == Some(ValueSource::CommandLine);
     OPTIONS
         .iter()
@@ -213,11 +263,13 @@ pub fn options_without_effect(matches: &ArgMatches) -> Vec<String> {
         .collect()
 }
 
-/// Returns whether an option has an effect on a verb. Options of single verbs do.
-fn has_effect(option: &str, verb: &str) -> bool {
+/// Returns whether an option has an effect on a verb or on a subcommand of one, as in `submit slurm`.
+/// Options of single verbs do.
+fn has_effect(option: &str, name: &str) -> bool {
+    let verb = name.split(' ').next().unwrap_or_default();
     let mut rows = OPTIONS.iter();
-    rows.find(|(name, _)| *name == option)
-        .is_none_or(|(_, verbs)| verbs.contains(&verb))
+    rows.find(|(known, _)| *known == option)
+        .is_none_or(|(_, verbs)| verbs.contains(&verb) && !WITHOUT_OPTIONS.contains(&name))
 }
 
 /// Returns the generated part of docs/reference/command-line.md: verbs by group, the options of
@@ -396,6 +448,45 @@ mod tests {
         verbs.sort_unstable();
         grouped.sort_unstable();
         assert_eq!(grouped, verbs);
+    }
+
+    #[test]
+    fn every_subcommand_without_options_exists() {
+        let command = Cli::command();
+        for name in WITHOUT_OPTIONS {
+            let mut words = name.split(' ');
+            let found = words.try_fold(&command, |at, word| at.find_subcommand(word));
+            assert!(found.is_some(), "{name}");
+        }
+    }
+
+    #[test]
+    fn options_without_effect_are_hidden_and_noted() {
+        let mut command = command();
+        let mut help = |words: &[&str]| {
+            let found = words.iter().fold(&mut command, |at, word| {
+                at.find_subcommand_mut(word).unwrap()
+            });
+            found.render_long_help().to_string()
+        };
+        let technique = help(&["new", "technique"]);
+        for option in ["out", "backend", "threads", "memory", "confine", "lenient"] {
+            assert!(!technique.contains(&format!("--{option}")), "{technique}");
+        }
+        assert!(technique.contains("--quiet"), "{technique}");
+        assert!(!help(&["verify"]).contains("--out"));
+        assert!(help(&["submit", "slurm"]).contains("--allow-commands"));
+
+        let notes = |words: &str| {
+            let matches = super::command().try_get_matches_from(words.split(' '));
+            options_without_effect(&matches.unwrap())
+        };
+        let noted = notes("lumbre new technique some_links --out x");
+        assert_eq!(
+            noted,
+            ["note: `--out` has no effect on `lumbre new technique`"]
+        );
+        assert!(notes("lumbre submit slurm a.lua --out x").is_empty());
     }
 
     #[test]

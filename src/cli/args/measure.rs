@@ -174,6 +174,6 @@ pub struct BenchmarkCompareArgs {
     #[arg(required = true, value_name = "FILE")]
     pub files: Vec<PathBuf>,
     /// Also write the tables as Markdown, CSV and LaTeX to this folder.
-    #[arg(long, value_name = "DIR")]
+    #[arg(short = 'o', long, value_name = "DIR")]
     pub to: Option<PathBuf>,
 }

@@ -81,7 +81,7 @@ pub struct ReportArgs {
     #[arg(value_name = "NIGHT")]
     pub nights: Vec<PathBuf>,
     /// Write the report to this folder [default: `report` in the folder of the first night].
-    #[arg(long, value_name = "DIR")]
+    #[arg(short = 'o', long, value_name = "DIR")]
     pub to: Option<PathBuf>,
     /// Compare the values of these axes as curves and columns [default: the axis of the
     /// integrator].
@@ -227,7 +227,7 @@ pub struct ViewArgs {
     #[arg(long)]
     pub layers: bool,
     /// Write to this folder [default: view-ID, where ID is the id of the run].
-    #[arg(long, value_name = "DIR")]
+    #[arg(short = 'o', long, value_name = "DIR")]
     pub to: Option<PathBuf>,
 }
 

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::typed::setting;
+use super::typed::{SceneArg, count, scene_arg, setting};
 use lumbre_light::value::Value;
 
 /// Options of `lumbre check`.
@@ -56,15 +56,21 @@ pub struct ExportArgs {
 #[derive(Args, Debug)]
 pub struct TraceArgs {
     /// Scene file, or a run: its folder, first digits of its id, `latest`, or words of its path.
-    pub file: PathBuf,
+    ///
+    /// Options of a Lua scene follow a question mark: `room.lua?light=lamps,size=3`.
+    #[arg(value_name = "FILE", value_parser = scene_arg)]
+    pub file: SceneArg,
+    /// Parameters of the technique, if FILE is a scene.
+    #[arg(value_name = "KEY=VALUE", value_parser = setting)]
+    pub params: Vec<(String, Value)>,
     /// Column and row of the pixel, from the top left.
     #[arg(long, value_name = "X,Y", value_parser = crate::cli::scene::trace::pixel)]
     pub pixel: [u32; 2],
     /// Index of the sample, from 0.
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub sample: u64,
-    /// Integrator, if FILE is a scene.
-    #[arg(long, value_name = "NAME", default_value = "nee")]
+    /// Technique, if FILE is a scene.
+    #[arg(short, long, value_name = "NAME", default_value = "nee")]
     pub integrator: String,
     /// Sampler, if FILE is a scene.
     #[arg(long, value_name = "NAME", default_value = "independent")]
@@ -73,7 +79,7 @@ pub struct TraceArgs {
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
     /// Maximum number of path edges, if FILE is a scene [default: the scene's].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = count::<u32>, allow_hyphen_values = true)]
     pub depth: Option<u32>,
     /// Width and height in pixels, if FILE is a scene [default: the scene's].
     #[arg(long, value_name = "WxH", value_parser = crate::cli::scene::trace::size)]

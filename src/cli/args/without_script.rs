@@ -89,9 +89,21 @@ pub struct ExploreArgs {
     pub scene: Option<SceneArg>,
     /// Keys of a script's render table, and paths of values in the scene.
     ///
-    /// Example: `integrator=bdpt max_depth=5 materials.egg.ior=1.3`.
+    /// Example: `max_depth=5 materials.egg.ior=1.3`.
     #[arg(value_name = "KEY=VALUE", value_parser = setting)]
-    pub settings: Vec<(String, Value)>,
+    settings: Vec<(String, Value)>,
+    /// Technique to start with, as the key `integrator` [default: nee].
+    #[arg(short, long, value_name = "NAME", value_parser = integrator_name)]
+    integrator: Option<String>,
+}
+
+impl ExploreArgs {
+    /// Returns the settings, with the technique that `--integrator` names.
+    pub fn settings(&self) -> Vec<(String, Value)> {
+        let technique = self.integrator.as_deref();
+        let technique = technique.map(|name| ("integrator".to_owned(), Value::from(name)));
+        self.settings.iter().cloned().chain(technique).collect()
+    }
 }
 
 /// Comparison of techniques.
@@ -167,7 +179,7 @@ impl Args for NewArgs {
             .long_about(
                 "Write a project with a technique of your own, and tests of it.\n\n\
                  The project is a folder NAME: a program that does all that this one does, and \
-                 knows the technique. It is built by cargo from the sources of this program.",
+                 knows the technique. It is built by cargo from the sources of Lumbre.",
             );
         NewExperimentArgs::augment_args(command)
             .args_conflicts_with_subcommands(true)
@@ -186,8 +198,11 @@ pub struct NewTechniqueArgs {
     /// Name of the technique and of the folder: lower-case letters, digits and `_`.
     #[arg(value_name = "NAME")]
     pub name: String,
-    /// Folder with the sources of this program [default: the one it was built from].
-    #[arg(long, value_name = "FOLDER")]
+    /// Folder with the sources of Lumbre, such as a clone [default: the one that this program was
+    /// built from].
+    ///
+    /// A program that was built elsewhere, such as a downloaded one, needs this option.
+    #[arg(long, value_name = "CLONE")]
     pub lumbre: Option<PathBuf>,
 }
 

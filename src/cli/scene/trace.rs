@@ -1,5 +1,6 @@
 //! `lumbre trace`: the steps of one sample of one pixel, on any backend.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
@@ -8,9 +9,9 @@ use serde_json::{Value as Json, json};
 
 use crate::backends::backend;
 use crate::cli::args::{Global, TraceArgs, integrator_row, unknown_name};
+use crate::cli::bench::subject::Subject;
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::json;
-use crate::cli::night::load;
 use crate::cli::reproduce::stored_run;
 use crate::cli::selector;
 use lumbre_light::scene::compile::MAX_FLATTENED_PRIMITIVES;
@@ -18,6 +19,7 @@ use lumbre_light::scene::desc::MAX_SIDE;
 use lumbre_light::scene::load::{FORMATS, is_folder};
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::sampler::{SAMPLER_NAMES, sampler};
+use lumbre_light::value::Value;
 use lumbre_render::Job;
 use lumbre_render::path_trace::{MAX_PATH_EVENTS, PathEvent, SampleAt};
 
@@ -33,11 +35,17 @@ fn is_scene(file: &Path) -> bool {
 
 /// Runs `lumbre trace`: prints the steps of one sample.
 pub fn main(args: &TraceArgs, global: &Global) -> Result<Exit, Failure> {
-    let (scene, job, run_backend) = if is_scene(&args.file) {
+    let (scene, job, run_backend) = if is_scene(&args.file.file) {
         let (scene, job) = scene_job(args, global)?;
         (scene, job, None)
+    } else if let Some((key, _)) = args.params.first() {
+        return Err(Failure::usage(format!(
+            "`{}` is a run, which has its own parameters, and `{key}=` is given: leave it out, or \
+             quote all words that select a run",
+            args.file.text
+        )));
     } else {
-        let run = selector::run(&args.file.to_string_lossy(), &global.out)?;
+        let run = selector::run(&args.file.text, &global.out)?;
         let (scene, job, backend) =
             stored_run::load_job(&run.folder, global).map_err(Failure::usage)?;
         (scene, job, Some(backend))
@@ -104,15 +112,20 @@ fn without_instances(scene: Arc<CompiledScene>) -> Result<Arc<CompiledScene>, Fa
 
 /// Loads a scene file and creates a job with the options of the command line.
 fn scene_job(args: &TraceArgs, global: &Global) -> Result<(Arc<CompiledScene>, Job), Failure> {
-    let (desc, _) = load::load_scene(&args.file, global.missing()).map_err(Failure::usage)?;
+    let subject = Subject::from_arg(&args.file, global.missing()).map_err(Failure::usage)?;
+    let desc = subject.load().map_err(Failure::usage)?;
     let (scene, _) = compile(&desc).map_err(Failure::usage)?;
     let technique = integrator_row(&args.integrator).map_err(Failure::usage)?;
+    let params: BTreeMap<String, Value> = args.params.iter().cloned().collect();
+    let checked = technique.params.check(technique.name, &params);
+    checked.map_err(Failure::usage)?;
     let resolution = args.size.unwrap_or(scene.resolution);
     let job = Job {
         sampler: sampler(&args.sampler).ok_or_else(|| {
             Failure::usage(unknown_name("sampler", &args.sampler, &SAMPLER_NAMES))
         })?,
         threads: global.threads,
+        params,
         ..Job::plain(
             technique,
             resolution,

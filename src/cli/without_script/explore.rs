@@ -44,7 +44,7 @@ pub fn main(args: &ExploreArgs, global: &Global) -> Result<Exit, Failure> {
     let options = ExploreOptions {
         scene,
         scenes,
-        settings: args.settings.clone(),
+        settings: args.settings(),
         session: SessionOptions {
             backend: backend.to_owned(),
             threads: global.threads,
@@ -131,7 +131,7 @@ fn check_settings(
     let Some(scene) = scene.or(first.as_ref()) else {
         return Ok(());
     };
-    let settings = crate::explore::settings::Settings::new(&args.settings);
+    let settings = crate::explore::settings::Settings::new(&args.settings());
     let table = settings.request_table(scene, [1, 1]);
     script::render_settings(&table, Path::new(".")).map_err(Failure::usage)?;
     Ok(())

@@ -17,6 +17,12 @@ const CLASS_PARAMS: &str = "OwnTechniqueParams";
 /// Folder with the sources from which this program was built. It need not exist any more.
 const BUILT_FROM: &str = env!("CARGO_MANIFEST_DIR");
 
+/// Manifest of this program, whose release profile projects have too.
+const PROGRAM_MANIFEST: &str = include_str!("../../../Cargo.toml");
+
+/// First line of the release profile, which ends the manifest.
+const RELEASE_PROFILE: &str = "[profile.release]\n";
+
 /// Files of the template, by their paths in a project.
 const FILES: [(&str, &str); 6] = [
     (
@@ -68,7 +74,7 @@ pub(super) fn main(args: &NewTechniqueArgs, global: &Global) -> Result<Exit, Fai
         .map_err(|e| Failure::internal(format!("cannot write to the folder {name}: {e}")))?;
     if !global.quiet {
         print_status(&format!(
-            "the project uses the sources in {}\nnext: cd {name}; cargo test; \
+            "the project uses the sources in {}\nnext: cd {name}; cargo test --release; \
              cargo run --release -- run {name}.lua",
             display_path(&sources)
         ));
@@ -95,7 +101,15 @@ fn check_name(name: &str) -> Result<(), String> {
 
 /// Returns the folder with the sources of this program: the given one, or the one it was built from.
 fn sources(given: Option<&Path>) -> Result<PathBuf, String> {
-    let folder = given.unwrap_or(Path::new(BUILT_FROM));
+    sources_or(given, Path::new(BUILT_FROM))
+}
+
+/// Returns the given folder, or else `built_from`.
+///
+/// # Errors
+/// Returns an error if the folder has no sources of Lumbre.
+fn sources_or(given: Option<&Path>, built_from: &Path) -> Result<PathBuf, String> {
+    let folder = given.unwrap_or(built_from);
     let has_sources = ["Cargo.toml", "src/lib.rs", "crates/lumbre-light/Cargo.toml"]
         .iter()
         .all(|file| folder.join(file).is_file());
@@ -109,8 +123,8 @@ fn sources(given: Option<&Path>) -> Result<PathBuf, String> {
             display_path(folder)
         )),
         (false, None) => Err(format!(
-            "the sources that this program was built from are not in {} any more: name a folder \
-             with them by --lumbre FOLDER",
+            "a project is built from the sources of Lumbre, and those that this program was built \
+             from are not in {}: clone the repository, and name the clone by --lumbre CLONE",
             display_path(folder)
         )),
     }
@@ -146,6 +160,12 @@ fn write_project(folder: &Path, name: &str, sources: &Path) -> std::io::Result<(
     Ok(())
 }
 
+/// Returns the release profile of this program.
+fn release_profile() -> &'static str {
+    let start = PROGRAM_MANIFEST.find(RELEASE_PROFILE);
+    start.map_or("", |start| &PROGRAM_MANIFEST[start..])
+}
+
 /// Returns the manifest of a project.
 fn manifest(name: &str, sources: &Path) -> String {
     // Strings of TOML and of JSON have the same escapes.
@@ -162,16 +182,19 @@ publish = false
 lumbre = {{ path = {} }}
 lumbre-light = {{ path = {} }}
 
-# Tests render pictures, so they are optimised.
+# A project of its own, wherever its folder is.
+[workspace]
+
+# For `cargo test` without --release: tests render pictures, so they are optimised.
 [profile.dev]
 opt-level = 2
 debug = false
 
-# A project of its own, wherever its folder is.
-[workspace]
-",
+# That of the program lumbre, so that times can be compared.
+{}",
         path(sources),
-        path(&sources.join("crates/lumbre-light"))
+        path(&sources.join("crates/lumbre-light")),
+        release_profile()
     )
 }
 
@@ -199,6 +222,30 @@ mod tests {
         assert!(text("src/lib.rs").contains("\"SomeLinksParams\""));
         assert!(text("src/lib.rs").contains("lumbre::OwnTechnique"));
         assert!(text("Cargo.toml").contains("crates/lumbre-light\" }"));
+    }
+
+    #[test]
+    fn projects_have_the_release_profile_of_the_program() {
+        let manifest = manifest("some_links", Path::new("lumbre"));
+        let (_, profile) = manifest.split_once(RELEASE_PROFILE).unwrap();
+        let (_, program) = PROGRAM_MANIFEST.split_once(RELEASE_PROFILE).unwrap();
+        assert_eq!(profile, program);
+        // Nothing of the workspace follows the profile.
+        let sections = program.lines().filter(|line| line.starts_with('['));
+        assert!(
+            sections
+                .into_iter()
+                .all(|line| line.starts_with("[profile.release"))
+        );
+    }
+
+    #[test]
+    fn a_program_without_its_sources_asks_for_a_clone() {
+        let folder = tempfile::tempdir().unwrap();
+        let missing = sources_or(None, &folder.path().join("gone")).unwrap_err();
+        assert!(missing.contains("--lumbre CLONE"), "{missing}");
+        let given = sources_or(Some(Path::new(BUILT_FROM)), folder.path());
+        assert!(given.is_ok(), "{given:?}");
     }
 
     #[test]

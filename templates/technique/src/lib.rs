@@ -11,16 +11,7 @@
 //! the case `R = f32`, in which a mask is a `bool`.
 
 use lumbre::OwnTechnique;
-use lumbre_light::math::real::{Double, Mask, Real, Vector};
-use lumbre_light::math::simd::Lanes;
-use lumbre_light::transport::bsdf::{Bsdf, Outgoing, TransportMode};
-use lumbre_light::transport::integrator::camera_path::{
-    self, Arrival, CameraPaths, Path, PathLight, PathSink, ShadowRay, edge_counts,
-};
-use lumbre_light::transport::integrator::{Context, IntegratorRow};
-use lumbre_light::transport::path_time::OpticalLength;
-use lumbre_light::transport::surface::Surface;
-use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_light::prelude::*;
 
 /// The parameter: a key of the render table, and so an axis of experiments if a script wants it.
 pub const CONNECT: Field = Field::optional(

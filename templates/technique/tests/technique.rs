@@ -1,5 +1,6 @@
 //! What must hold for a technique: `Trial` renders small pictures with fixed seeds and compares
-//! them. A test that fails says what differs.
+//! them. A test that fails says what differs. Paths have at most 5 edges, unless `Trial::max_depth`
+//! sets another number.
 
 use lumbre::Trial;
 use own_technique::{CONNECT, TECHNIQUE};

@@ -50,17 +50,27 @@ fn the_page_of_formats_has_one_heading_for_every_loader() {
     );
 }
 
-#[test]
-fn the_listing_of_an_integrator_is_the_file_that_tests_render() {
-    let path = "docs/inside/extending/integrator.md";
+/// Rewrites the listing of Rust code of a page, and fails, if it is not this file.
+fn check_listing(path: &str, file: &str) {
     let page = text(path);
     let (before, rest) = page.split_once("```rust\n").expect("no listing");
     let (listing, after) = rest.split_once("```\n").expect("the listing has no end");
-    let file = text("crates/own-technique/tests/ambient_occlusion/technique.rs");
-    let inside = file.replace("lumbre_light::", "crate::");
-    if listing != inside {
-        let whole = format!("{before}```rust\n{inside}```\n{after}");
+    if listing != file {
+        let whole = format!("{before}```rust\n{file}```\n{after}");
         std::fs::write(root().join(path), whole).unwrap();
         panic!("the listing of {path} was out of date and has been written again: commit it");
     }
+}
+
+#[test]
+fn the_listing_of_an_integrator_is_the_file_that_tests_render() {
+    let file = text("crates/own-technique/tests/ambient_occlusion/technique.rs");
+    let inside = file.replace("lumbre_light::", "crate::");
+    check_listing("docs/inside/extending/integrator.md", &inside);
+}
+
+#[test]
+fn the_listing_of_a_technique_of_single_samples_is_the_file_that_tests_render() {
+    let file = text("crates/own-technique/tests/single_samples/technique.rs");
+    check_listing("docs/reference/own_technique.md", &file);
 }

@@ -81,7 +81,7 @@ fn the_text_output_lists_vertices_and_shadow_rays() {
         "16x12",
         "--sample",
         "1",
-        "--integrator",
+        "-i",
         "bdpt",
         "--backend",
         "cpu",
@@ -116,6 +116,53 @@ fn the_text_output_lists_vertices_and_shadow_rays() {
 }
 
 #[test]
+fn parameters_of_the_technique_and_options_of_the_scene_change_the_sample() {
+    let place = Workplace::new();
+    place.write(
+        "room.lua",
+        r#"local s = scene {}
+local radius = s:option("radius", 1)
+s:camera { position = { 0, 0, 4 }, target = { 0, 0, 0 } }
+s:material("light", { emission = { 1, 1, 1 } })
+s:add { name = "light", shape = shape.sphere { radius = radius }, material = "light" }
+return s"#,
+    );
+    let ray = |scene: &str| {
+        let args = [
+            scene,
+            "--pixel",
+            "8,6",
+            "--size",
+            "16x12",
+            "--backend",
+            "cpu",
+        ];
+        steps(&place, &args)["steps"][0]["hit"]["t"]
+            .as_f64()
+            .unwrap()
+    };
+    assert!(ray("room.lua?radius=2") < 2.1 && ray("room.lua") > 2.9);
+
+    let strategies = |params: &[&str]| {
+        let args = [
+            "ball.scn", "-i", "bdpt", "--pixel", "8,2", "--size", "16x12",
+        ];
+        let traced = steps(&place, &[&args, params].concat());
+        let all = traced["steps"].as_array().unwrap().clone();
+        all.into_iter()
+            .filter(|step| step["step"] == "light")
+            .map(|step| [&step["s"], &step["t"]].map(|n| n.as_u64().unwrap()))
+            .collect::<Vec<_>>()
+    };
+    assert!(strategies(&[]).iter().any(|pair| *pair != [0, 3]));
+    assert!(
+        strategies(&["strategies=[0,3]"])
+            .iter()
+            .all(|pair| *pair == [0, 3])
+    );
+}
+
+#[test]
 fn invalid_trace_requests_are_refused() {
     let place = Workplace::new();
     let fail = |args: &[&str]| place.fail(2, &[&["trace", "ball.scn"], args].concat());
@@ -125,6 +172,9 @@ fn invalid_trace_requests_are_refused() {
     );
     assert!(fail(&["--pixel", "1"]).contains("such as 12,7"));
     assert!(fail(&["--pixel", "1,1", "--integrator", "bdp"]).contains("did you mean `bdpt`"));
+    assert!(fail(&["strategy=1", "--pixel", "1,1", "-i", "bdpt"]).contains("`strategies`"));
+    let words = ["trace", "depth=5", "technique=nee", "--pixel", "1,1"];
+    assert!(place.fail(2, &words).contains("quote all words"));
     assert!(fail(&["--pixel", "1,1", "--backend", "mock"]).contains("traces no paths"));
     assert!(
         place
