@@ -121,8 +121,8 @@ impl Trial {
         Ok(())
     }
 
-    /// Compares pictures of a room, which has a diffuse, a glossy, and a glass ball and a spherical
-    /// light, with those of another technique with its default parameters, such as `bpt`.
+    /// Compares pictures of a room, which has a diffuse, a plastic, a glossy, and a glass ball and a
+    /// spherical light, with those of another technique with its default parameters, such as `bpt`.
     ///
     /// # Errors
     /// Returns an error if the pictures do not have the same mean, if there is no technique of that
