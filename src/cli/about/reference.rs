@@ -246,7 +246,11 @@ pub fn options_without_effect(matches: &ArgMatches) -> Vec<String> {
         (verb, given) = (format!("{verb} {inner}"), matches);
     }
     let verb = verb.as_str();
-    let is_given = |option: &&str| given.value_source(option) == Some(ValueSource::CommandLine);
+    // Verbs that do not take an option at all have no such id.
+    let is_given = |option: &&str| {
+        given.try_contains_id(option).is_ok()
+            && given.value_source(option) == Some(ValueSource::CommandLine)
+    };
     OPTIONS
         .iter()
         .map(|(option, _)| *option)
@@ -487,6 +491,8 @@ mod tests {
             ["note: `--out` has no effect on `lumbre new technique`"]
         );
         assert!(notes("lumbre submit slurm a.lua --out x").is_empty());
+        // `compare` has no `--backend`, which `benchmark` has for itself.
+        assert!(notes("lumbre benchmark compare a.json b.json").is_empty());
     }
 
     #[test]
