@@ -3,9 +3,9 @@
 /// A cell of the plan, or one of its references.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum CellRef {
-    /// Index into [`Plan::cells`].
+    /// Index into [`Plan::cells`](super::Plan::cells).
     Cell(usize),
-    /// Index into [`Plan::references`].
+    /// Index into [`Plan::references`](super::Plan::references).
     Reference(usize),
 }
 

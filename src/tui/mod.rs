@@ -1,7 +1,7 @@
 //! Terminal output of a night: the dashboard, which draws on a thread of its own, and plain
 //! progress lines for outputs that are not a capable terminal.
 //!
-//! Both receive [`Event`](crate::experiment::Event)s, fold them into a [`model::NightModel`] and
+//! Both receive [`Event`](crate::experiment::Event)s, fold them into a [`model::night::NightModel`] and
 //! return at once, so neither can disturb a timing or lose a result. A frame is a pure function
 //! of the model and a [`view::View`]; tests therefore draw whole screens without a terminal.
 

@@ -46,9 +46,9 @@
 //! 2012] Physically Based Shading at Disney. [Walter et al. 2007] Microfacet Models for Refraction
 //! through Rough Surfaces. [Heitz 2014] Understanding the Masking-Shadowing Function in
 //! Microfacet-Based BRDFs. [Heitz 2018] Sampling the GGX Distribution of Visible Normals. [Dupuy &
-//! Benyoub 2023] Sampling Visible GGX Normals with Spherical Caps. [Vives] M. Vives,
+//! Benyoub 2023] Sampling Visible GGX Normals with Spherical Caps. \[Vives\] M. Vives,
 //! "shading_position.hlls", a gist of the user pixnblox on GitHub
-//! (5e64b0724c186313bc7b6ce096b08820), which section 3.3 of S1 cites as [10];
+//! (5e64b0724c186313bc7b6ce096b08820), which section 3.3 of S1 cites as \[10\];
 //! undated there. [Jensen 1996] Global Illumination using Photon Maps. [Hachisuka & Jensen 2009]
 //! Stochastic Progressive Photon Mapping. [Knaus & Zwicker 2011] Progressive Photon Mapping: A
 //! Probabilistic Approach.

@@ -5,7 +5,7 @@
 //! instruction set of a [`Width`].
 //!
 //! With the feature `every-width`, which tests use, every width exists on every processor: vectors
-//! that it does not have are [`Pair`](pair::Pair)s of narrower ones.
+//! that it does not have are pairs (`pair.rs`) of narrower ones.
 //!
 //! Invariants: a [`Width`] exists only if the processor has its instruction set. The vector types
 //! carry no target feature of their own, so only code that [`dispatch`] calls and that is inlined

@@ -13,7 +13,7 @@ use crate::transport::ray::{RayHits, offset_origin};
 /// corner normals suggest a smooth surface above the triangle; rays towards such light start from
 /// the lifted point on that surface.
 ///
-/// The source lifts every point before it is shaded [Vives], so an edge has different ends when it
+/// The source lifts every point before it is shaded \[Vives\], so an edge has different ends when it
 /// is traced from its other end, and techniques that trace light from both sides disagree. Here the
 /// vertices of a path stay in place. Only an edge towards light whose far end lies below the
 /// triangle's plane, which could carry nothing otherwise, starts at the lifted point. All
@@ -69,7 +69,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> TerminatorOffset<R> {
 
 impl<'a, R: Lanes<N>, const N: usize> Surface<'a, R, N> {
     /// Computes the terminator offset at these points of triangles: the points' projections onto
-    /// the corners' tangent planes, interpolated [Vives], where they lie above the triangle on the
+    /// the corners' tangent planes, interpolated \[Vives\], where they lie above the triangle on the
     /// side of the ray. `None` if no lane has one.
     #[inline(always)]
     pub(super) fn find_terminator_offset(
