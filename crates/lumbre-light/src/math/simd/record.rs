@@ -1,7 +1,8 @@
 //! Named records: structs with a number per lane, whose lanes are stored as records in memory.
 //!
-//! [`record!`](crate::record) declares a struct generic over the number type, and the type of its record. A record
-//! is an array of rows of eight numbers, so that vectors load and store it by transposition.
+//! [`record!`](crate::record) declares a struct generic over the number type, and the type of its
+//! record. A record is an array of rows of eight numbers, so that vectors load and store it by
+//! transposition.
 
 /// Declares a struct of numbers in lanes and the record in which one lane is stored. The types of
 /// fields are `Real`, `Word` and `Vec3`.

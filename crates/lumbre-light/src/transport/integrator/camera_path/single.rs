@@ -32,20 +32,8 @@ pub fn follow<T: CameraPaths>(
         context,
         pixel,
         sink,
-        shadow_rays: 0,
+        rays: 0,
     };
-    let edges = follow_edges::<T>(context, pixel, sampler, &mut sink, &mut leaves);
-    edges + sink.shadow_rays
-}
-
-/// Follows one path of a pixel to its end, and returns the number of its edges.
-fn follow_edges<T: CameraPaths>(
-    context: &Context,
-    pixel: [u32; 2],
-    sampler: Sampler,
-    sink: &mut SingleSink,
-    leaves: &mut impl FnMut(u32, &PathState<f32>),
-) -> u32 {
     let mut path = Path::<f32>::from_camera(context, pixel.map(|n| n as f32), sampler);
     path.terminator = context
         .classes
@@ -56,22 +44,23 @@ fn follow_edges<T: CameraPaths>(
             origin: path.state.origin,
             dir: path.state.dir,
         };
+        sink.rays += 1;
         let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
-            T::escape::<f32, 1>(context, edge, &path, true, sink);
-            return edge;
+            T::escape::<f32, 1>(context, edge, &path, true, &mut sink);
+            break;
         };
         if context.ends_unlit(edge, &hit) {
-            return edge;
+            break;
         }
         let hit = HitState::new(context.scene, &ray, &hit, || path.next_auxiliary());
         let class = &context.classes[context.classes.index_of(context.scene, &hit)];
         let arrival = Arrival::<f32, 1>::new(class, ray, &hit);
-        if !T::scatter::<f32, 1>(context, edge, &arrival, &mut path, true, sink) {
-            return edge;
+        if !T::scatter::<f32, 1>(context, edge, &arrival, &mut path, true, &mut sink) {
+            break;
         }
         leaves(edge, &path.state);
     }
-    context.max_depth
+    sink.rays
 }
 
 /// Sink of one path, which traces shadow rays at once.
@@ -79,8 +68,8 @@ struct SingleSink<'a> {
     context: &'a Context<'a>,
     pixel: [u32; 2],
     sink: &'a mut dyn FnMut(Contribution),
-    /// Number of shadow rays so far.
-    shadow_rays: u32,
+    /// Number of rays so far, with those of the path's edges.
+    rays: u32,
 }
 
 impl PathSink<f32> for SingleSink<'_> {
@@ -101,7 +90,7 @@ impl PathSink<f32> for SingleSink<'_> {
         if !lanes {
             return;
         }
-        self.shadow_rays += u32::from(needs_ray(ray.distance));
+        self.rays += u32::from(needs_ray(ray.distance));
         if unoccluded(self.context, ray) {
             self.add(true, light);
         }

@@ -1,10 +1,12 @@
 //! Guided bidirectional path tracing: [`bdpt`](crate::transport::integrator::bdpt) whose camera
 //! subpaths continue in the directions of [`guided`](super).
 //!
-//! The tree is that of `guided`, but training paths are not part of the picture. The density with which a camera subpath continues is the mixture of
-//! BSDF and tree wherever a weight depends on it: for the edges of camera subpaths, for connections
-//! at camera vertices, and at vertices of light subpaths for the way back to the previous vertex,
-//! which a camera subpath that came the other way would go on to. Light subpaths are not guided.
+//! The tree is that of `guided`, but training paths are not part of the picture.
+//!
+//! The density with which a camera subpath continues is the mixture of BSDF and tree wherever a
+//! weight depends on it: for the edges of camera subpaths, for connections at camera vertices, and
+//! at vertices of light subpaths for the way back to the previous vertex, which a camera subpath
+//! that came the other way would go on to. Light subpaths are not guided.
 
 use super::{MixedDirections, TRAINED, settings};
 use crate::math::simd::Lanes;

@@ -90,8 +90,10 @@ struct Task {
 struct Progress {
     /// Number of passes so far.
     passes: u64,
-    /// Numbers of passes of the training iterations, and the index of the current one.
-    schedule: (Vec<u64>, usize),
+    /// Numbers of passes of the training iterations.
+    schedule: Vec<u64>,
+    /// Index of the current training iteration.
+    iteration: usize,
     /// Number of passes of the current training iteration that are left.
     left: u64,
     /// The tree that guides the paths.
@@ -185,30 +187,31 @@ impl Progress {
         let tree = SdTree::new(task.bounds);
         let mut progress = Progress {
             passes: 0,
-            schedule: (schedule(task.passes), 0),
+            schedule: schedule(task.passes),
+            iteration: 0,
             left: 0,
-            sums: tree.sums().into_iter().map(Mutex::new).collect(),
+            sums: Vec::new(),
             next: tree.clone(),
             tree: Arc::new(tree),
         };
-        progress.begin_iteration(task);
+        let none = progress.tree.sums();
+        progress.begin_iteration(task, &none);
         progress
     }
 
     /// Begins a training iteration, if any is left: refines the tree for the vertices of the one
-    /// before.
-    fn begin_iteration(&mut self, task: &Task) {
-        let (schedule, k) = &self.schedule;
-        let Some(passes) = schedule.get(*k) else {
+    /// before, whose sums are given.
+    fn begin_iteration(&mut self, task: &Task, sums: &[LeafSums]) {
+        let k = self.iteration;
+        let Some(passes) = self.schedule.get(k) else {
             return;
         };
         self.left = *passes;
         let limits = Limits {
-            vertices: task.guiding.split * 2.0_f64.powf(0.5 * (*k as f64 - 1.0)),
+            vertices: task.guiding.split * 2.0_f64.powf(0.5 * (k as f64 - 1.0)),
             bytes: task.guiding.tree_bytes(),
         };
-        let sums = std::mem::take(&mut self.sums);
-        self.next = self.tree.refined(&unlocked(sums), &limits);
+        self.next = self.tree.refined(sums, &limits);
         self.sums = self.next.sums().into_iter().map(Mutex::new).collect();
     }
 
@@ -228,9 +231,8 @@ impl Progress {
             self.next
                 .set_densities(&sums, task.guiding.target.mass_of());
             self.tree = Arc::new(self.next.clone());
-            self.sums = sums.into_iter().map(Mutex::new).collect();
-            self.schedule.1 += 1;
-            self.begin_iteration(task);
+            self.iteration += 1;
+            self.begin_iteration(task, &sums);
         }
         recorded
     }
@@ -238,7 +240,7 @@ impl Progress {
     /// Traces a path of every pixel and adds its vertices to the sums. Returns the light of the
     /// paths if `keep`.
     fn record(&self, resources: &Resources, task: &Task, keep: bool) -> Option<RecordedSamples> {
-        let seed = resources.training_seed(self.schedule.1 as u32);
+        let seed = resources.training_seed(self.iteration as u32);
         let [width, height] = task.resolution;
         let guide = Guide {
             tree: Arc::clone(&self.tree),
