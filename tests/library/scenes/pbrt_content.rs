@@ -6,8 +6,8 @@ use std::f32::consts::PI;
 use glam::{Vec2, Vec3};
 use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{
-    ConeEdge, EnvironmentSource, LightKind, MaskMode, MaterialDesc, Model, TextureFilter,
-    TextureSlot, Wrap,
+    ConeEdge, EntityDesc, EnvironmentSource, LightKind, MaskMode, MaterialDesc, Model,
+    TextureFilter, TextureSlot, Wrap,
 };
 
 use super::pbrt::{TRIANGLE, VIEW, read, read_files, read_v3, refused};
@@ -337,6 +337,31 @@ fn lights_have_the_units_and_directions_of_pbrt() {
         panic!("a directional light expected")
     };
     assert!(direction.distance(Vec3::NEG_Y) < 1e-6 && irradiance == Vec3::splat(5.0));
+}
+
+#[test]
+fn each_of_several_area_lights_has_its_own_radiance() {
+    let light = |l: u32| {
+        format!(
+            "AttributeBegin\nAreaLightSource \"diffuse\" \"rgb L\" [{l} {l} {l}]\nNamedMaterial \"black\"\n\
+             Shape \"sphere\"\nShape \"sphere\" \"float radius\" 2\nAttributeEnd\n"
+        )
+    };
+    let lights: String = (1..=8).map(light).collect();
+    let black =
+        "MakeNamedMaterial \"black\" \"string type\" \"diffuse\" \"rgb reflectance\" [0 0 0]\n";
+    let (desc, _) = read(&format!("{black}{lights}"));
+    let emission = |entity: &EntityDesc| {
+        let name = entity.material.as_deref().unwrap();
+        desc.materials[desc.material_index(name).unwrap()]
+            .emission
+            .x
+    };
+    let emissions: Vec<f32> = desc.entities.iter().map(emission).collect();
+    let expected: Vec<f32> = (1..=8).flat_map(|l| [l as f32; 2]).collect();
+    assert_eq!(emissions, expected);
+    // Both shapes of a light share its material.
+    assert_eq!(desc.materials.len(), 1 + 8);
 }
 
 #[test]

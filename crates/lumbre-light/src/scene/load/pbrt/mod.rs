@@ -138,6 +138,9 @@ struct CameraSource {
     to_world: DAffine3,
 }
 
+/// The light and the alpha of a shape, kept so that no other has the same address.
+type Addressed = (Option<Rc<AreaSource>>, Option<TextureValue>);
+
 /// State while a scene is loaded.
 struct Loader {
     version: Version,
@@ -151,8 +154,9 @@ struct Loader {
     converted: BTreeMap<usize, (Rc<MaterialSource>, String)>,
     /// Material of shapes without one.
     default_material: Option<String>,
-    /// Copies of materials with the light and the alpha of a shape, by material and both.
-    variants: BTreeMap<(String, usize, String), String>,
+    /// Copies of materials with the light and the alpha of a shape, by material and the addresses of
+    /// both, which are kept.
+    variants: BTreeMap<(String, usize, String), (String, Addressed)>,
     materials: Materials,
     objects: BTreeMap<String, Vec<ObjectShape>>,
     entities: Vec<EntityDesc>,
@@ -448,7 +452,7 @@ impl Loader {
             format!("{:?}", alpha.as_ref().map(texture::key)),
         );
         let shared = area.is_none_or(|a| a.params.get("power").is_none());
-        if let Some(known) = self.variants.get(&key).filter(|_| shared) {
+        if let Some((known, _)) = self.variants.get(&key).filter(|_| shared) {
             return Ok(known.clone());
         }
         let mut m = match self.materials.get(base) {
@@ -460,7 +464,7 @@ impl Loader {
         } else {
             base.to_owned()
         });
-        if let Some(alpha) = alpha {
+        if let Some(alpha) = alpha.clone() {
             material::set_mask(&mut m, alpha);
         }
         if let Some(source) = area {
@@ -476,7 +480,8 @@ impl Loader {
         let name = m.name.clone();
         self.materials.push(m);
         if shared {
-            self.variants.insert(key, name.clone());
+            let addressed = (area.cloned(), alpha);
+            self.variants.insert(key, (name.clone(), addressed));
         }
         Ok(name)
     }
