@@ -3,6 +3,7 @@
 --     lumbre run scripts/compare_mitsuba.lua                          full size: about five hours
 --     lumbre run scripts/compare_mitsuba.lua quick=true               noisy: less than a minute
 --     lumbre run scripts/compare_mitsuba.lua python=venv/bin/python   another Python interpreter
+--     lumbre run scripts/compare_mitsuba.lua scene=room.xml           another scene, of any format
 --     lumbre report out/latest                                        table 5.4 and figure 5.20
 --
 -- Repeats thesis S0, section 5.4, table 5.4 and figure 5.20 (docs/bibliography.md), where each
@@ -25,13 +26,14 @@ local x = experiment("compare_mitsuba", { seed = 54 })
 -- Axes with one value can be replaced on the command line: `quick=true`.
 x:axis("quick", { false })
 x:axis("python", { "python3" })
+x:axis("scene", { "scenes/veach_lamps.lua" })
 x:axis("technique", { "bpt", "nee", "bdpt", "external:mitsuba" })
 
 local function mitsuba(p) return { integrator = "external:mitsuba", python = p.python } end
 
 x:render(function(p)
   local own = p.technique == "external:mitsuba" and mitsuba(p) or { integrator = p.technique }
-  own.scene = "scenes/veach_lamps.lua"
+  own.scene = p.scene
   own.max_depth = 10
   own.resolution = p.quick and { 160, 90 } or { 1280, 720 }
   return own
