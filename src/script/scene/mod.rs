@@ -39,7 +39,7 @@ use super::source::SourcePlace;
 use super::state::{Purpose, Shared};
 use super::{ExecutedFile, Limits, locate, source};
 use lumbre_light::scene::desc::SceneDesc;
-use lumbre_light::scene::load::{MissingTextures, load_on_stage};
+use lumbre_light::scene::load::{MissingTextures, Variables, load_on_stage};
 use lumbre_light::scene::stage::{STAGES, Stage};
 use lumbre_light::scene::{Note, SceneError};
 use lumbre_light::value::Value;
@@ -60,11 +60,11 @@ pub fn is_lua(file: &Path) -> bool {
         .is_some_and(|e| e.eq_ignore_ascii_case("lua"))
 }
 
-/// Name of the only option of scene files that are not written in Lua.
+/// Name of the option that all scene files have that are not written in Lua.
 const STAGE: &str = "stage";
 
 /// Loads a scene file of any format, including Lua, with values for its options. Files of other
-/// formats have the option `stage`.
+/// formats have the option `stage`; variables of Mitsuba's files are options, too.
 ///
 /// # Errors
 /// Returns the first error in the file, or an error for an unknown option or value.
@@ -78,12 +78,18 @@ pub fn read(
         let loaded = loaded.map_err(|e| SceneError::Script(e.to_string()))?;
         return Ok((loaded.scene, loaded.notes));
     }
-    let stage = stage_option(options).map_err(|problem| SceneError::Malformed {
+    let invalid = |problem| SceneError::Malformed {
         file: path.to_owned(),
         place: "scene_options".to_owned(),
         problem,
-    })?;
-    load_on_stage(path, missing, stage).map_err(|error| match error {
+    };
+    let stage = options.get(STAGE).map(stage).transpose().map_err(invalid)?;
+    let others = options.iter().filter(|(name, _)| *name != STAGE);
+    let variables = others
+        .map(|(name, value)| Ok((name.clone(), variable(name, value)?)))
+        .collect::<Result<Variables, String>>()
+        .map_err(invalid)?;
+    load_on_stage(path, missing, stage, &variables).map_err(|error| match error {
         SceneError::UnknownFormat { file, help, known } => SceneError::UnknownFormat {
             file,
             help,
@@ -93,23 +99,32 @@ pub fn read(
     })
 }
 
-/// Returns the stage that the options of a scene file select, if any.
-fn stage_option(options: &BTreeMap<String, Value>) -> Result<Option<Stage>, String> {
-    if let Some(option) = options.keys().find(|key| *key != STAGE) {
-        return Err(format!(
-            "unknown option `{option}`: scenes that are not written in Lua have the option `stage` only"
-        ));
-    }
-    let Some(value) = options.get(STAGE) else {
-        return Ok(None);
-    };
+/// Returns the stage with a name.
+fn stage(value: &Value) -> Result<Stage, String> {
     let named = STAGES.iter().find(|(name, _)| value.as_str() == Some(name));
     let names: Vec<String> = STAGES.iter().map(|(name, _)| format!("`{name}`")).collect();
     match named {
-        Some((_, stage)) => Ok(Some(*stage)),
+        Some((_, stage)) => Ok(*stage),
         None => Err(format!(
             "`stage` is {}, found `{value}`",
             names.join(" or ")
+        )),
+    }
+}
+
+/// Returns the text that stands for a value in a file: of a list, its elements with spaces between them.
+fn variable(name: &str, value: &Value) -> Result<String, String> {
+    match value {
+        Value::Bool(_) | Value::Int(_) | Value::Num(_) => Ok(value.to_string()),
+        Value::Str(text) => Ok(text.clone()),
+        Value::List(list) => {
+            let texts: Result<Vec<String>, String> =
+                list.iter().map(|item| variable(name, item)).collect();
+            Ok(texts?.join(" "))
+        }
+        Value::Nil | Value::Map(_) => Err(format!(
+            "`{name}` is {}: expected a number, a text, true, false, or a list of them",
+            value.kind()
         )),
     }
 }

@@ -5,7 +5,7 @@ use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{
     LightKind, Lookup, MaskMode, SceneDesc, ShapeDesc, Texels, TextureFilter, TextureSlot, Wrap,
 };
-use lumbre_light::scene::load::{MissingTextures, load_on_stage};
+use lumbre_light::scene::load::{MissingTextures, Variables, load_on_stage};
 use lumbre_light::scene::stage::Stage;
 use proptest::prelude::*;
 
@@ -342,10 +342,17 @@ fn documents_without_lights_or_constant_emitters_get_a_studio() {
     ] {
         folder.write("a.gltf", text);
         let file = folder.path("a.gltf");
-        let (desc, notes) = load_on_stage(&file, MissingTextures::Fail, None).unwrap();
+        let (desc, notes) =
+            load_on_stage(&file, MissingTextures::Fail, None, &Variables::new()).unwrap();
         let is_noted = lines(&notes).contains("it stands in a studio");
         assert_eq!((desc.environment.is_some(), is_noted), (unlit, unlit));
-        let bare = load_on_stage(&file, MissingTextures::Fail, Some(Stage::Bare)).unwrap();
+        let bare = load_on_stage(
+            &file,
+            MissingTextures::Fail,
+            Some(Stage::Bare),
+            &Variables::new(),
+        )
+        .unwrap();
         assert!(bare.0.environment.is_none() && !lines(&bare.1).contains("studio"));
     }
 }
@@ -468,7 +475,7 @@ fn third_party_assets_load_and_have_light() {
     }
     assert!(files.len() >= 7, "{files:?}");
     for file in files {
-        let loaded = load_on_stage(&file, MissingTextures::Fail, None);
+        let loaded = load_on_stage(&file, MissingTextures::Fail, None, &Variables::new());
         let (desc, _) = loaded.unwrap_or_else(|e| panic!("{e}"));
         let (scene, _) = compile(&desc).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
         assert!(!scene.triangles.is_empty(), "{}", file.display());

@@ -1,14 +1,14 @@
 //! Mitsuba scenes of several files: folders in which they are searched, references to later objects,
-//! serialized meshes, spectra, and tilted environment maps; and what cameras cut off.
+//! serialized meshes, colours of vertices, spectra, and tilted environment maps; what cameras cut off;
+//! and variables as options.
 
-use std::io::Write;
-
-use flate2::Compression;
-use flate2::write::ZlibEncoder;
 use glam::Vec3;
 use lumbre_light::scene::SceneDesc;
 use lumbre_light::scene::desc::{EnvironmentSource, ShapeDesc, Texels};
+use lumbre_light::scene::load::MissingTextures;
+use lumbre_light::value::Value;
 
+use super::samples::serialized;
 use super::{Folder, QUAD, lines};
 
 fn scene(inner: &str) -> String {
@@ -97,9 +97,9 @@ fn references_may_precede_their_objects_and_circles_are_refused() {
     assert!(e.contains("more than 32 levels deep"), "{e}");
 }
 
-/// Returns a mesh of version 4 with doubles if `double`: a triangle of this height, counted `count`
-/// times.
-fn packed(height: f64, count: u64, double: bool) -> Vec<u8> {
+/// Returns what a mesh of version 4 expands to, with doubles if `double`: a triangle of this height,
+/// counted `count` times.
+fn mesh(height: f64, count: u64, double: bool) -> Vec<u8> {
     let mut mesh = (if double { 0x2010u32 } else { 0x1000 })
         .to_le_bytes()
         .to_vec();
@@ -115,24 +115,13 @@ fn packed(height: f64, count: u64, double: bool) -> Vec<u8> {
     }
     (0..count.min(100))
         .for_each(|_| mesh.extend([0u32, 1, 2].into_iter().flat_map(u32::to_le_bytes)));
-    let mut file = vec![0x1c, 4, 4, 0];
-    let mut packer = ZlibEncoder::new(&mut file, Compression::default());
-    packer.write_all(&mesh).unwrap();
-    packer.finish().unwrap();
-    file
+    mesh
 }
 
-/// Returns a file of some meshes.
+/// Returns a file of meshes of version 4.
 fn file(meshes: &[Vec<u8>]) -> Vec<u8> {
-    let mut all = Vec::new();
-    let mut offsets = Vec::new();
-    for mesh in meshes {
-        offsets.extend((all.len() as u64).to_le_bytes());
-        all.extend(mesh);
-    }
-    all.extend(offsets);
-    all.extend((meshes.len() as u32).to_le_bytes());
-    all
+    let meshes: Vec<_> = meshes.iter().map(|m| (4, m.as_slice())).collect();
+    serialized(&meshes)
 }
 
 #[test]
@@ -145,7 +134,7 @@ fn serialized_meshes_are_read_by_index_and_within_limits() {
     };
     let folder = Folder::new(&[(
         "m.serialized",
-        file(&[packed(2.0, 1, false), packed(3.0, 2, true)]),
+        file(&[mesh(2.0, 1, false), mesh(3.0, 2, true)]),
     )]);
     for (index, height, triangles) in [(0, 2.0, 1), (1, 3.0, 2)] {
         folder.write("a.xml", shape(index));
@@ -158,7 +147,7 @@ fn serialized_meshes_are_read_by_index_and_within_limits() {
         // The flag of the second mesh asks for the normals of its faces.
         assert_eq!(mesh.normals.is_empty(), index == 1);
     }
-    let good = file(&[packed(2.0, 1, false)]);
+    let good = file(&[mesh(2.0, 1, false)]);
     let mut beyond = good.clone();
     let at = beyond.len() - 12;
     beyond[at..at + 8].copy_from_slice(&u64::MAX.to_le_bytes());
@@ -170,12 +159,8 @@ fn serialized_meshes_are_read_by_index_and_within_limits() {
         (0, vec![0x1c, 4, 9, 0], "expected version 3 or 4, found 9"),
         (0, vec![0x1c, 4, 4, 0], "longer than the file"),
         (0, good[..good.len() - 20].to_vec(), "mesh"),
-        (
-            0,
-            file(&[packed(2.0, u64::MAX / 3, false)]),
-            "end too early",
-        ),
-        (0, file(&[packed(f64::NAN, 1, true)]), "not finite"),
+        (0, file(&[mesh(2.0, u64::MAX / 3, false)]), "end too early"),
+        (0, file(&[mesh(f64::NAN, 1, true)]), "not finite"),
     ] {
         folder.write("m.serialized", bytes);
         folder.write("a.xml", shape(index));
@@ -189,7 +174,7 @@ fn damaged_serialized_meshes_are_refused_or_read_without_a_panic() {
     let shape =
         "<shape type=\"serialized\"><string name=\"filename\" value=\"m.serialized\"/></shape>";
     let folder = Folder::new(&[("a.xml", scene(shape))]);
-    let good = file(&[packed(2.0, 1, false)]);
+    let good = file(&[mesh(2.0, 1, false)]);
     for cut in 0..good.len() {
         folder.write("m.serialized", &good[..cut]);
         assert!(folder.load("a.xml").is_err(), "cut at byte {cut}");
@@ -203,11 +188,7 @@ fn damaged_serialized_meshes_are_refused_or_read_without_a_panic() {
         }
     }
     // A mesh may not expand beyond 16 MiB and 64 times the file.
-    let mut bomb = vec![0x1c, 4, 4, 0];
-    let mut packer = ZlibEncoder::new(&mut bomb, Compression::best());
-    (0..32).for_each(|_| packer.write_all(&[0; 1 << 20]).unwrap());
-    packer.finish().unwrap();
-    folder.write("m.serialized", file(&[bomb]));
+    folder.write("m.serialized", file(&[vec![0; 32 << 20]]));
     let e = folder.load("a.xml").unwrap_err().to_string();
     assert!(e.contains("expand too far"), "{e}");
 }
@@ -358,4 +339,105 @@ fn what_a_camera_of_mitsuba_cuts_off_is_noted() {
         "{}",
         floor(1.0, far)
     );
+}
+
+#[test]
+fn variables_are_options_of_the_scene() {
+    let xml = scene(
+        r#"<default name="depth" value="9"/><default name="grey" value="0.5"/>
+<integrator type="path"><integer name="max_depth" value="$depth"/></integrator>
+<bsdf type="diffuse" id="s"><rgb name="reflectance" value="$grey"/></bsdf>
+<shape type="$kind"><ref id="s"/></shape>"#,
+    );
+    let folder = Folder::new(&[("a.xml", xml.as_str()), ("m.obj", QUAD)]);
+    let read = |file: &str, options: &[(&str, Value)]| {
+        let options = options
+            .iter()
+            .map(|(name, v)| ((*name).to_owned(), v.clone()));
+        lumbre::script::scene::read(
+            &folder.path(file),
+            &options.collect(),
+            MissingTextures::Fail,
+        )
+    };
+    let kind = ("kind", Value::from("disk"));
+    let (desc, _) = read("a.xml", std::slice::from_ref(&kind)).unwrap();
+    assert_eq!(
+        (desc.max_depth, desc.materials[0].base_color),
+        (9, Vec3::splat(0.5))
+    );
+    let color = Value::List([0.25, 0.5, 0.75].map(Value::from).to_vec());
+    let given = [kind, ("depth", Value::Int(3)), ("grey", color)];
+    let (desc, _) = read("a.xml", &given).unwrap();
+    let expected = (3, Vec3::new(0.25, 0.5, 0.75));
+    assert_eq!((desc.max_depth, desc.materials[0].base_color), expected);
+    // A stage stands around the scene as before.
+    let staged = [given[0].clone(), ("stage", Value::from("white"))];
+    assert!(read("a.xml", &staged).unwrap().0.environment.is_some());
+    let table = Value::Map(Default::default());
+    for (file, options, expected) in [
+        ("a.xml", vec![], "set the scene option of this name"),
+        (
+            "a.xml",
+            [&given[..], &[("dept", Value::Int(3))]].concat(),
+            "unknown option `dept`: did you mean `depth`?",
+        ),
+        ("a.xml", vec![("kind", table)], "`kind` is a table"),
+        (
+            "a.xml",
+            vec![("depth", Value::from("x")), given[0].clone()],
+            "`x` is not a number",
+        ),
+        ("m.obj", vec![given[0].clone()], "the option `stage` only"),
+    ] {
+        let e = read(file, &options).unwrap_err().to_string();
+        assert!(e.contains(expected), "{expected}: {e}");
+    }
+}
+
+#[test]
+fn colours_of_vertices_are_those_of_surfaces_that_ask_for_them() {
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+               property float z\nproperty float r\nproperty float g\nproperty float b\n\
+               element face 1\nproperty list uchar int vertex_indices\nend_header\n\
+               0 0 0 1 0 0\n1 0 0 0 0.5 0\n1 1 0 0.25 0.5 1\n3 0 1 2\n";
+    let read = |surface: &str, file: &str| {
+        let xml = scene(&format!(
+            "<sensor type=\"perspective\"/><bsdf type=\"diffuse\" id=\"s\">{surface}</bsdf>\
+             <shape type=\"{kind}\"><string name=\"filename\" value=\"m.{kind}\"/><ref id=\"s\"/></shape>",
+            kind = file
+        ));
+        let folder = Folder::new(&[("a.xml", xml.as_str()), ("m.ply", ply), ("m.obj", QUAD)]);
+        let (desc, notes) = folder.load("a.xml").unwrap_or_else(|e| panic!("{e}"));
+        let ShapeDesc::Mesh(mesh) = &desc.entities[0].shape else {
+            panic!("expected a mesh")
+        };
+        (
+            desc.materials[0].base_color.x,
+            mesh.colors.clone(),
+            lines(&notes),
+        )
+    };
+    let attribute = |name: &str| {
+        format!(
+            "<texture type=\"mesh_attribute\" name=\"reflectance\"><float name=\"scale\" value=\"0.5\"/>\
+             <string name=\"name\" value=\"{name}\"/></texture>"
+        )
+    };
+    let (base, colors, notes) = read(&attribute("vertex_color"), "ply");
+    assert_eq!(
+        (base, colors[2]),
+        (0.5, Vec3::new(0.25, 0.5, 1.0)),
+        "{notes}"
+    );
+    assert!(notes.is_empty(), "{notes}");
+    let (_, colors, notes) = read("", "ply");
+    assert!(colors.is_empty() && notes.is_empty(), "{notes}");
+    let (_, colors, notes) = read(&attribute("face_color"), "ply");
+    assert!(
+        colors.is_empty() && notes.contains("`face_color` is not supported"),
+        "{notes}"
+    );
+    let (_, _, notes) = read(&attribute("vertex_color"), "obj");
+    assert!(notes.contains("no colours of vertices"), "{notes}");
 }

@@ -1,7 +1,10 @@
 //! One valid file of every scene format, with all files that it names. Damaged and hostile files
 //! are made from them: by the tests here, and as the first inputs of the targets in `fuzz/`.
 
-use std::io::Cursor;
+use std::io::{Cursor, Write};
+
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
 
 /// A readable file, and the files that it names.
 pub struct Sample {
@@ -252,6 +255,46 @@ pub fn ply(format: &str) -> Vec<u8> {
     bytes
 }
 
+/// A Mitsuba scene of one mesh of a [`serialized`] file.
+const MITSUBA_SERIALIZED: &str = r#"<scene version="3.0.0"><shape type="serialized"><string name="filename" value="m.serialized"/></shape></scene>"#;
+
+/// Returns a file of serialized meshes, each given by its version and what its stream expands to.
+pub fn serialized(meshes: &[(u16, &[u8])]) -> Vec<u8> {
+    let (mut file, mut offsets) = (Vec::new(), Vec::new());
+    for (version, mesh) in meshes {
+        offsets.extend((file.len() as u64).to_le_bytes());
+        file.extend([0x1c, 4]);
+        file.extend(version.to_le_bytes());
+        let mut packer = ZlibEncoder::new(&mut file, Compression::default());
+        packer
+            .write_all(mesh)
+            .and_then(|()| packer.try_finish())
+            .expect("writing to a vector does not fail");
+    }
+    file.extend(offsets);
+    file.extend((meshes.len() as u32).to_le_bytes());
+    file
+}
+
+/// Returns what the stream of a serialized mesh of version 4 expands to: two triangles with normals,
+/// texture coordinates and colours.
+pub fn serialized_mesh() -> Vec<u8> {
+    let mut mesh = (0x1000u32 | 1 | 2 | 8).to_le_bytes().to_vec();
+    mesh.extend(b"t\0");
+    mesh.extend([4u64, 2].into_iter().flat_map(u64::to_le_bytes));
+    let corners = [[0.0f32, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    let mut put = |of: &dyn Fn([f32; 2]) -> Vec<f32>| {
+        let numbers = corners.into_iter().flat_map(of);
+        mesh.extend(numbers.flat_map(f32::to_le_bytes));
+    };
+    put(&|[x, y]| vec![x, y, 0.0]);
+    put(&|_| vec![0.0, 0.0, 1.0]);
+    put(&|[x, y]| vec![x, y]);
+    put(&|_| vec![1.0; 3]);
+    mesh.extend([0u32, 1, 2, 0, 2, 3].into_iter().flat_map(u32::to_le_bytes));
+    mesh
+}
+
 /// Returns a small picture in a format of the `image` crate.
 pub fn picture(format: image::ImageFormat) -> Vec<u8> {
     let small = image::RgbImage::from_fn(5, 4, |x, y| image::Rgb([x as u8 * 50, y as u8 * 60, 7]));
@@ -329,6 +372,15 @@ pub fn samples() -> Vec<Sample> {
                 ("m.ply", &plain),
                 ("t.png", &png),
             ],
+        ),
+        one(
+            "mitsuba, serialized",
+            "a.xml",
+            MITSUBA_SERIALIZED.as_bytes(),
+            &[(
+                "m.serialized",
+                &serialized(&[(4, serialized_mesh().as_slice())]),
+            )],
         ),
         one(
             "pbrt",

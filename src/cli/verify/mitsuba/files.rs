@@ -103,18 +103,20 @@ fn serialized() -> std::io::Result<Vec<u8>> {
     Ok(file)
 }
 
-/// Returns the mesh as PLY.
+/// Returns the mesh as PLY, with colours of its vertices.
 fn ply() -> String {
     let head = format!(
         "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\n\
-         property float z\nproperty float u\nproperty float v\nelement face {}\n\
+         property float z\nproperty float u\nproperty float v\nproperty float r\n\
+         property float g\nproperty float b\nelement face {}\n\
          property list uchar int vertex_indices\nend_header\n",
         TENT.len(),
         FACES.len()
     );
-    let vertices = TENT
-        .iter()
-        .map(|([x, y, z], [u, v])| format!("{x} {y} {z} {u} {v}\n"));
+    let vertices = TENT.iter().map(|([x, y, z], [u, v])| {
+        let color = format!("{} {} 0.3", 0.2 + 0.6 * u, 0.9 - 0.5 * v);
+        format!("{x} {y} {z} {u} {v} {color}\n")
+    });
     let faces = FACES.iter().map(|[a, b, c]| format!("3 {a} {b} {c}\n"));
     head + &vertices.chain(faces).collect::<String>()
 }

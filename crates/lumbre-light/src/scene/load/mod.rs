@@ -26,6 +26,7 @@ mod unknown;
 pub use images::load as texture;
 pub(in crate::scene) use pbrt::environment_square;
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -46,6 +47,8 @@ pub struct FormatRow {
     pub sniff: fn(&[u8]) -> bool,
     /// Reads a file of this format.
     pub load: Loader,
+    /// Reads a file with values for variables that it names, where the format has any.
+    pub load_with_variables: Option<VariablesLoader>,
     /// Whether files are usually models without lights. Those get a [studio](super::stage).
     pub is_model: bool,
     /// Supported elements or keys.
@@ -65,6 +68,14 @@ pub struct SupportedElement {
 
 /// Loader of a scene file.
 pub type Loader = fn(&Path, MissingTextures) -> Result<(SceneDesc, Vec<Note>), SceneError>;
+
+/// Values of variables of a scene file, by name.
+pub type Variables = BTreeMap<String, String>;
+
+/// Loader of a scene file with values for its variables. A variable that the file does not name is an
+/// error.
+pub type VariablesLoader =
+    fn(&Path, MissingTextures, &Variables) -> Result<(SceneDesc, Vec<Note>), SceneError>;
 
 /// Policy for a material whose texture cannot be read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -104,6 +115,7 @@ pub const FORMATS: &[FormatRow] = &[
               metallic-roughness materials with extensions.",
         sniff: gltf::sniff,
         load: gltf::load,
+        load_with_variables: None,
         is_model: true,
         supported: gltf::SUPPORTED,
     },
@@ -114,6 +126,7 @@ pub const FORMATS: &[FormatRow] = &[
               and HDRI/.",
         sniff: folder::sniff,
         load: folder::load,
+        load_with_variables: None,
         is_model: false,
         supported: folder::SUPPORTED,
     },
@@ -124,6 +137,7 @@ pub const FORMATS: &[FormatRow] = &[
               spheres.",
         sniff: scn::sniff,
         load: scn::load,
+        load_with_variables: None,
         is_model: false,
         supported: scn::SUPPORTED,
     },
@@ -134,6 +148,7 @@ pub const FORMATS: &[FormatRow] = &[
               frames it.",
         sniff: obj::sniff,
         load: obj::load,
+        load_with_variables: None,
         is_model: true,
         supported: obj::SUPPORTED,
     },
@@ -143,6 +158,7 @@ pub const FORMATS: &[FormatRow] = &[
         doc: "A PLY mesh, ASCII or binary, viewed by a camera that frames it.",
         sniff: ply::sniff,
         load: ply::load,
+        load_with_variables: None,
         is_model: true,
         supported: ply::SUPPORTED,
     },
@@ -153,6 +169,7 @@ pub const FORMATS: &[FormatRow] = &[
               textures, lights.",
         sniff: mitsuba::sniff,
         load: mitsuba::load,
+        load_with_variables: Some(mitsuba::load_with_variables),
         is_model: false,
         supported: mitsuba::SUPPORTED,
     },
@@ -163,6 +180,7 @@ pub const FORMATS: &[FormatRow] = &[
               lights.",
         sniff: pbrt::sniff,
         load: pbrt::load,
+        load_with_variables: None,
         is_model: false,
         supported: pbrt::SUPPORTED,
     },
@@ -195,33 +213,47 @@ pub fn load_with(
     path: &Path,
     missing: MissingTextures,
 ) -> Result<(SceneDesc, Vec<Note>), SceneError> {
-    let (_, desc, notes) = load_any(path, missing)?;
+    let (_, desc, notes) = load_any(path, missing, &Variables::new())?;
     Ok((desc, notes))
 }
 
-/// Loads a scene file like [`load_with`]; also returns its format.
+/// Loads a scene file like [`load_with`] with values for its variables; also returns its format.
 fn load_any(
     path: &Path,
     missing: MissingTextures,
+    variables: &Variables,
 ) -> Result<(&'static FormatRow, SceneDesc, Vec<Note>), SceneError> {
     let inside = path.join(folder::SCENE_FILE);
     let file = if is_folder(path) { &inside } else { path };
     let format = format_of(file)?;
-    let (desc, notes) = (format.load)(file, missing)?;
+    let (desc, notes) = match (variables.keys().next(), format.load_with_variables) {
+        (None, _) => (format.load)(file, missing)?,
+        (Some(_), Some(load)) => load(file, missing, variables)?,
+        (Some(unknown), None) => {
+            return Err(SceneError::Malformed {
+                file: path.to_owned(),
+                place: "scene_options".to_owned(),
+                problem: format!(
+                    "unknown option `{unknown}`: files of this format have the option `stage` only"
+                ),
+            });
+        }
+    };
     Ok((format, desc, note::summed_up(notes)))
 }
 
-/// Loads a scene file like [`load_with`] and puts a stage around it. Without one, a model in which
-/// nothing emits light gets a studio, with a note.
+/// Loads a scene file like [`load_with`] with values for its variables, and puts a stage around it.
+/// Without one, a model in which nothing emits light gets a studio, with a note.
 ///
 /// # Errors
-/// Fails like [`load_with`].
+/// Fails like [`load_with`], and for a variable that the file does not name.
 pub fn load_on_stage(
     path: &Path,
     missing: MissingTextures,
     stage: Option<Stage>,
+    variables: &Variables,
 ) -> Result<(SceneDesc, Vec<Note>), SceneError> {
-    let (format, mut desc, mut notes) = load_any(path, missing)?;
+    let (format, mut desc, mut notes) = load_any(path, missing, variables)?;
     match stage {
         Some(stage) => stage::set_up(&mut desc, stage),
         None if format.is_model && stage::is_unlit(&desc) => {

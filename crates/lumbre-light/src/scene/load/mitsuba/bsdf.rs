@@ -2,6 +2,7 @@
 
 mod adapters;
 
+use std::collections::BTreeSet;
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -34,6 +35,7 @@ pub(super) fn read(
         m: MaterialDesc::new(name),
         parts: Vec::new(),
         names: &mut loader.names,
+        colored: &mut loader.colored,
         textures: &mut loader.textures,
         notes: &mut loader.notes,
     };
@@ -66,6 +68,8 @@ struct BsdfReader<'a> {
     /// Materials of which it is composed.
     parts: Vec<MaterialDesc>,
     names: &'a mut UniqueNames,
+    /// Names of the materials whose base colour is that of vertices.
+    colored: &'a mut BTreeSet<String>,
     textures: &'a mut TextureReader,
     notes: &'a mut Vec<Note>,
 }
@@ -168,6 +172,9 @@ impl BsdfReader<'_> {
     fn base(&mut self, o: &XmlObject, key: &str, default: f32) -> Result<(), SceneError> {
         self.m.base_color = Vec3::splat(default);
         if let Some(Property::Object(t)) = o.property(key) {
+            if t.plugin == "mesh_attribute" {
+                return self.vertex_colors(t);
+            }
             match self.textures.read(t, self.notes)? {
                 Some(read) => {
                     self.m.base_color = Vec3::ONE;
@@ -178,6 +185,23 @@ impl BsdfReader<'_> {
         } else if let Some(color) = o.color(key)? {
             self.m.base_color = self.clamped_color(o, key, color);
         }
+        Ok(())
+    }
+
+    /// Reads the base colour from a `mesh_attribute`: a factor on the colours of the vertices.
+    fn vertex_colors(&mut self, o: &XmlObject) -> Result<(), SceneError> {
+        let scale = o.number("scale", 1.0)? as f32;
+        let name = o.text("name")?.unwrap_or_default();
+        if name != "vertex_color" {
+            self.notes.push(o.note(format!(
+                "the attribute `{}` is not supported, only `vertex_color`; grey is used",
+                super::values::truncated(name)
+            )));
+            self.m.base_color = Vec3::splat(0.5);
+            return Ok(());
+        }
+        self.m.base_color = self.clamped_color(o, "scale", Vec3::splat(scale));
+        self.colored.insert(self.m.name.clone());
         Ok(())
     }
 

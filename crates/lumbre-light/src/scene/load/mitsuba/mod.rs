@@ -35,11 +35,11 @@ use std::rc::Rc;
 
 use glam::DAffine3;
 
-use self::shape::{MeshLoader, TransformedShape};
+use self::shape::{MeshLoader, SurfaceNeeds, TransformedShape};
 use self::texture::TextureReader;
 use self::tree::{Property, XmlObject};
 use super::materials::Materials;
-use super::{MissingTextures, default_scene, scn};
+use super::{MissingTextures, Variables, default_scene, scn};
 use crate::scene::desc::{EntityDesc, EnvironmentDesc, LightDesc, MAX_EDGES, SceneDesc, Transform};
 use crate::scene::names::UniqueNames;
 use crate::scene::{Note, SceneError};
@@ -66,8 +66,18 @@ pub(super) fn load(
     path: &Path,
     missing: MissingTextures,
 ) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+    load_with_variables(path, missing, &Variables::new())
+}
+
+/// Loads a scene with values for its variables, which `default` elements do not replace: what `-D`
+/// does in Mitsuba.
+pub(super) fn load_with_variables(
+    path: &Path,
+    missing: MissingTextures,
+    variables: &Variables,
+) -> Result<(SceneDesc, Vec<Note>), SceneError> {
     let mut notes = Vec::new();
-    let (root, bytes) = tree::scene(path, &mut notes)?;
+    let (root, bytes) = tree::scene(path, variables, &mut notes)?;
     if root.class != "scene" {
         return Err(root.error(format!(
             "expected <scene>, found <{}>",
@@ -78,6 +88,7 @@ pub(super) fn load(
         textures: TextureReader::new(missing),
         meshes: MeshLoader::default(),
         surfaces: BTreeMap::new(),
+        colored: BTreeSet::new(),
         materials: Materials::default(),
         entities: Vec::new(),
         lights: Vec::new(),
@@ -96,6 +107,8 @@ struct MitsubaLoader {
     /// Name of the material of each surface, by the address of its object and whether it is inside of
     /// `twosided`.
     surfaces: BTreeMap<(*const XmlObject, bool), String>,
+    /// Names of the materials whose base colour is that of vertices.
+    colored: BTreeSet<String>,
     materials: Materials,
     entities: Vec<EntityDesc>,
     lights: Vec<LightDesc>,
@@ -225,13 +238,16 @@ impl MitsubaLoader {
         };
         let emits_texture =
             |light: &Rc<XmlObject>| as_texture(light.property("radiance")).is_some();
-        let oriented =
-            o.children("emitter").any(emits_texture) || self.materials.is_oriented(&material);
+        let needs = SurfaceNeeds {
+            oriented: o.children("emitter").any(emits_texture)
+                || self.materials.is_oriented(&material),
+            colors: self.is_colored(&material),
+        };
         let Some(TransformedShape {
             shape,
             transform,
             stem: kind,
-        }) = self.meshes.read(o, oriented, &mut self.notes)?
+        }) = self.meshes.read(o, needs, &mut self.notes)?
         else {
             o.mark_all_read();
             return Ok(());
@@ -260,6 +276,13 @@ impl MitsubaLoader {
             shape,
         });
         Ok(())
+    }
+
+    /// Returns whether the base colour of a material, or of a part of it, is that of vertices.
+    fn is_colored(&self, material: &str) -> bool {
+        let parts = self.materials.get(material).map(|m| &m.parts);
+        let mut parts = parts.into_iter().flatten();
+        self.colored.contains(material) || parts.any(|part| self.colored.contains(part))
     }
 
     /// Returns the name of a copy of a material with the emission of an area light.

@@ -35,6 +35,15 @@ pub(super) struct TransformedShape {
     pub stem: String,
 }
 
+/// Needs of a surface that the shapes with it have to meet.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SurfaceNeeds {
+    /// Texture coordinates, or a direction of anisotropy.
+    pub oriented: bool,
+    /// Colours of vertices.
+    pub colors: bool,
+}
+
 /// Identifies a mesh from a file together with the options that change it.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct MeshKey {
@@ -48,6 +57,8 @@ struct MeshKey {
     /// Whether the shape's transform mirrors it, which reverses the front if the file has no
     /// normals.
     mirrors: bool,
+    /// Whether the surface needs the colours of its vertices.
+    colored: bool,
 }
 
 /// Identifies a generated shape: its name, the bits of its parameters, and whether it is inside
@@ -66,12 +77,11 @@ pub(super) struct MeshLoader {
 }
 
 impl MeshLoader {
-    /// Returns the geometry of a shape; `None`, with a note, if its plugin is not supported. `oriented`
-    /// is set if its surface needs texture coordinates or a direction of anisotropy.
+    /// Returns the geometry of a shape; `None`, with a note, if its plugin is not supported.
     pub fn read(
         &mut self,
         o: &XmlObject,
-        oriented: bool,
+        needs: SurfaceNeeds,
         notes: &mut Vec<Note>,
     ) -> Result<Option<TransformedShape>, SceneError> {
         let transform = o.transform("to_world")?;
@@ -79,7 +89,7 @@ impl MeshLoader {
         let none = [0.0; 7];
         match o.plugin.as_str() {
             "obj" | "ply" | "serialized" => {
-                let mesh = self.file(o, &transform, flipped, notes)?;
+                let mesh = self.file(o, &transform, [flipped, needs.colors], notes)?;
                 let stem = mesh
                     .file
                     .file_stem()
@@ -107,7 +117,7 @@ impl MeshLoader {
                     Ok(cylinder(p0, p1, radius))
                 })
             }
-            "sphere" => self.sphere(o, transform, [flipped, oriented], notes),
+            "sphere" => self.sphere(o, transform, [flipped, needs.oriented], notes),
             other => {
                 let shown = super::values::truncated(other);
                 notes.push(o.note(format!("the shape `{shown}` is not supported; ignored")));
@@ -190,7 +200,7 @@ impl MeshLoader {
         &mut self,
         o: &XmlObject,
         transform: &DAffine3,
-        flipped: bool,
+        [flipped, colored]: [bool; 2],
         notes: &mut Vec<Note>,
     ) -> Result<Arc<MeshDesc>, SceneError> {
         let Some(name) = o.text("filename")? else {
@@ -212,6 +222,7 @@ impl MeshLoader {
             flipped,
             up: o.flag("flip_tex_coords", is_obj)?,
             mirrors,
+            colored,
         };
         if let Some(mesh) = self.files.get(&key) {
             return Ok(mesh.clone());
@@ -228,7 +239,11 @@ impl MeshLoader {
         let mut mesh = read.map_err(|e| o.error(e.to_string()))?;
         // Mitsuba uses vertex colours only through `mesh_attribute` textures. The surface of the
         // shape replaces all materials of the file.
-        mesh.colors = Vec::new();
+        if !colored {
+            mesh.colors = Vec::new();
+        } else if mesh.colors.is_empty() {
+            notes.push(o.note("the mesh has no colours of vertices: they are white"));
+        }
         mesh.slots = vec![String::new()];
         mesh.triangle_slot.fill(0);
         // The file's normals determine the front. Without them it follows from the winding, which a

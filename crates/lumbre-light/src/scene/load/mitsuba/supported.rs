@@ -6,7 +6,7 @@ use crate::scene::load::SupportedElement;
 pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     SupportedElement {
         name: "`default`, `include`, `path`, `alias`, `ref`",
-        support: "variables, included files, folders in which files are searched, references to \
+        support: "variables, which are options of the scene, included files, folders in which files are searched, references to \
                   earlier and later objects",
         limits: "document types and entities are refused",
     },
@@ -137,6 +137,12 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
         name: "`checkerboard`",
         support: "`color0`, `color1`, `to_uv`",
         limits: "textures of its colours are noted",
+    },
+    SupportedElement {
+        name: "`mesh_attribute`",
+        support: "`vertex_color` of a PLY, in floats from 0 to 1, as the colour of a surface; `scale`",
+        limits: "other attributes are noted; colours in integers are decoded from sRGB; in a blend all \
+                 surfaces have them",
     },
     SupportedElement {
         name: "other textures",

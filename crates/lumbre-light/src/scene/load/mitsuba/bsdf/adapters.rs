@@ -53,6 +53,7 @@ impl BsdfReader<'_> {
                 m: MaterialDesc::new(&name),
                 parts: Vec::new(),
                 names: self.names,
+                colored: self.colored,
                 textures: self.textures,
                 notes: self.notes,
             };

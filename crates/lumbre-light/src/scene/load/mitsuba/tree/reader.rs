@@ -1,6 +1,7 @@
 //! Reading of XML files as a tree of [`XmlObject`]s.
 
-use std::collections::BTreeMap;
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
@@ -11,8 +12,9 @@ use super::references::{Draft, DraftProperty, Drafts, MAX_DEPTH, Reference};
 use super::{PropertyValue, XmlObject, find_file};
 use crate::scene::load::mitsuba::values::{self, Spectrum};
 use crate::scene::load::spectrum::Sampled;
-use crate::scene::load::{canonical, read_file};
+use crate::scene::load::{Variables, canonical, read_file};
 use crate::scene::{Note, SceneError};
+use crate::value::schema::unknown_name;
 
 /// Greatest size of a scene file in bytes.
 const MAX_XML_BYTES: u64 = 64 << 20;
@@ -20,6 +22,8 @@ const MAX_XML_BYTES: u64 = 64 << 20;
 const MAX_FOLDERS: usize = 16;
 /// Greatest number of bytes by which the variables in an attribute may lengthen it.
 const MAX_GROWTH: usize = 4096;
+/// Greatest number of variables that a message lists.
+const MAX_LISTED: usize = 32;
 /// Greatest ratio of the bytes read to the size of all files: how often files may be included on
 /// average.
 const MAX_READ_RATIO: usize = 16;
@@ -46,24 +50,27 @@ const CLASSES: &[&str] = &[
     "temporal_profile",
 ];
 
-/// Reads a file and everything that it includes. Returns the root object and the size of these
-/// files in bytes.
+/// Reads a file and everything that it includes, with values for its variables. Returns the root
+/// object and the size of these files in bytes.
 pub(in crate::scene::load::mitsuba) fn scene(
     path: &Path,
+    variables: &Variables,
     notes: &mut Vec<Note>,
 ) -> Result<(Rc<XmlObject>, usize), SceneError> {
     let folder = path.parent().unwrap_or(Path::new("")).to_owned();
     let mut reader = XmlReader {
         drafts: Drafts::default(),
         folders: vec![folder],
-        defaults: BTreeMap::new(),
-        longest_name: 0,
+        longest_name: variables.keys().map(String::len).max().unwrap_or_default(),
+        variables: variables.clone(),
+        named: RefCell::default(),
         files: Vec::new(),
         sizes: BTreeMap::new(),
         bytes_read: 0,
         notes,
     };
     let root = reader.file(path)?;
+    reader.check_named(path, variables)?;
     let bytes = reader.sizes.values().sum();
     Ok((reader.drafts.object(root, reader.folders)?, bytes))
 }
@@ -73,9 +80,12 @@ struct XmlReader<'n> {
     drafts: Drafts,
     /// Folders in which files are searched, in order.
     folders: Vec<PathBuf>,
-    defaults: BTreeMap<String, String>,
-    /// Length of the longest name in `defaults`.
+    /// Values of variables: given ones, and those of `default` elements so far.
+    variables: Variables,
+    /// Length of the longest name in `variables`.
     longest_name: usize,
+    /// Names of the variables that the files name.
+    named: RefCell<BTreeSet<String>>,
     /// Files that are being read, to detect cycles of includes.
     files: Vec<PathBuf>,
     /// Size of every file read, in bytes.
@@ -229,7 +239,8 @@ impl XmlReader<'_> {
                     self.required(child, "value")?,
                 );
                 self.longest_name = self.longest_name.max(name.len());
-                self.defaults.entry(name).or_insert(value);
+                self.named.get_mut().insert(name.clone());
+                self.variables.entry(name).or_insert(value);
             }
             "include" => {
                 let file = self.required(child, "filename")?;
@@ -423,6 +434,27 @@ impl XmlReader<'_> {
         Ok(v)
     }
 
+    /// Checks that the files name all variables for which values are given.
+    fn check_named(&self, path: &Path, given: &Variables) -> Result<(), SceneError> {
+        let named = self.named.borrow();
+        let Some(unknown) = given.keys().find(|name| !named.contains(*name)) else {
+            return Ok(());
+        };
+        let known = named.iter().map(|name| values::truncated(name));
+        let known: Vec<String> = known.take(MAX_LISTED).collect();
+        let error = unknown_name(
+            "scene_options",
+            &values::truncated(unknown),
+            "option",
+            known.iter().map(String::as_str),
+        );
+        Err(SceneError::Malformed {
+            file: path.to_owned(),
+            place: error.path,
+            problem: format!("{}: {}", error.problem, error.help.unwrap_or_default()),
+        })
+    }
+
     /// Returns an attribute that must be present.
     fn required(&self, element: &Element, name: &str) -> Result<String, SceneError> {
         self.attribute(element, name)?
@@ -446,14 +478,15 @@ impl XmlReader<'_> {
                 .rev()
                 .filter_map(|n| rest.get(..n));
             let Some((name, value)) =
-                prefixes.find_map(|name| Some((name, self.defaults.get(name)?)))
+                prefixes.find_map(|name| Some((name, self.variables.get(name)?)))
             else {
                 return Err(element.error(format!(
-                    "no `default` defines `${}`; Mitsuba takes it from `-D`, add here `<default \
-                     name=\"NAME\" value=\"..\"/>` before this line",
+                    "no `default` defines `${}`: set the scene option of this name, or add \
+                     `<default name=\"NAME\" value=\"..\"/>` before this line",
                     values::truncated(rest)
                 )));
             };
+            self.named.borrow_mut().insert(name.to_owned());
             out.push_str(value);
             if out.len() > raw.len() + MAX_GROWTH {
                 return Err(element.error(format!(
