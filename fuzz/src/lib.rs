@@ -186,6 +186,16 @@ pub fn scene(sample: &str, replaced: &str, bytes: &[u8]) -> bool {
     is_read
 }
 
+/// Reads a Mitsuba scene with a serialized mesh. The first byte is the mesh's version; the rest is what
+/// its compressed stream expands to. Returns whether it was read.
+pub fn serialized(bytes: &[u8]) -> bool {
+    let [version, mesh @ ..] = bytes else {
+        return false;
+    };
+    let file = samples::serialized(&[((*version).into(), mesh)]);
+    scene("mitsuba, serialized", "m.serialized", &file)
+}
+
 /// Reads a texture file. Returns whether it was read.
 pub fn texture(bytes: &[u8]) -> bool {
     let folder = sample_folder("tga", "a.tga");

@@ -6,7 +6,7 @@
 use std::fs;
 use std::path::Path;
 
-use lumbre_fuzz::samples::samples;
+use lumbre_fuzz::samples::{self, samples};
 
 fn main() {
     let folder = std::env::args().nth(1).expect("usage: seeds FOLDER");
@@ -25,8 +25,11 @@ fn main() {
                 .expect("the folder can be written");
         }
     }
+    let mut mesh = vec![4];
+    mesh.extend(samples::serialized_mesh());
     for (target, bytes) in [
-        ("rows", &b"wave,samples,render_s,wall_s,measure_s,paths,rays,invalid,rmse\n0,1,0.5,0.6,0.1,1,2,0,inf\n"[..]),
+        ("serialized", mesh.as_slice()),
+        ("rows", b"wave,samples,render_s,wall_s,measure_s,paths,rays,invalid,rmse\n0,1,0.5,0.6,0.1,1,2,0,inf\n"),
         ("checkpoint", &[0, 1, 0, 0]),
     ] {
         let target_folder = Path::new(&folder).join(target);

@@ -7,6 +7,10 @@
 )]
 
 mod bench;
+#[cfg(unix)]
+mod fuzz;
+#[cfg(unix)]
+mod page;
 mod release;
 #[cfg(feature = "shader-dev")]
 mod shaders;
@@ -32,6 +36,9 @@ struct Args {
 enum Chore {
     /// Measure the program itself: overheads of a night, loading, metrics, dashboard
     Bench(bench::Args),
+    /// Feed changed files to every reader, and count what it accepted and what it reached
+    #[cfg(unix)]
+    Fuzz(fuzz::Args),
     /// Pack the program, its manual page, completions and licences into an archive with a checksum
     Release(release::Args),
     /// Compile the shaders to the SPIR-V that is committed; needs `--features shader-dev` and a C++
@@ -50,6 +57,8 @@ enum Chore {
 fn main() -> ExitCode {
     let done = match Args::parse().chore {
         Chore::Bench(args) => bench::run(&args),
+        #[cfg(unix)]
+        Chore::Fuzz(args) => fuzz::run(&args),
         Chore::Release(args) => release::run(&args),
         #[cfg(feature = "shader-dev")]
         Chore::Shaders(args) => shaders::run(&args),

@@ -5,9 +5,9 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 use super::night::Site;
-use super::page;
 use super::program::Ended;
 use super::worst_files::{WorstFile, all};
+use crate::page;
 
 /// Lines around the table on the page about hostile files.
 const MARKERS: [&str; 2] = ["<!-- memory -->", "<!-- end of memory -->"];

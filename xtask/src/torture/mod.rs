@@ -9,7 +9,6 @@ mod limits;
 pub mod memory;
 mod mutation;
 mod night;
-mod page;
 mod program;
 mod random;
 mod scripts;
@@ -23,8 +22,14 @@ use mutation::Extent;
 use night::Site;
 use random::Random;
 
+use crate::page;
+
 /// Lines around the table of the last long run on the page about hostile files.
 const MARKERS: [&str; 2] = ["<!-- torture -->", "<!-- end of torture -->"];
+
+/// Head of the table.
+const HEAD: &str = "| attack | an attempt | tried | noticed | harmless | failed | measured |\n\
+                    |---|---|--:|--:|--:|--:|---|\n";
 
 /// Number of failures of an attack that are printed.
 const PRINTED: usize = 10;
@@ -56,7 +61,7 @@ pub struct Args {
     /// Program to attack; by default the one that was built beside this program
     #[arg(long, value_name = "FILE")]
     program: Option<PathBuf>,
-    /// Write the table into the page about hostile files
+    /// Write the rows into the table of the page about hostile files
     #[arg(long)]
     page: bool,
 }
@@ -223,22 +228,22 @@ pub fn run(args: &Args) -> Result<(), String> {
         tally.spent += begun.elapsed();
         tally.add(attempt, verdict);
     }
-    let table = table(&attacks, &tallies);
-    println!("{table}");
+    let rows = rows(&attacks, &tallies);
+    println!("{HEAD}{}", rows.join("\n"));
     if args.page {
-        let command = format!("torture --minutes {} --seed {}", args.minutes, args.seed);
-        page::write(MARKERS, &command, &table)?;
+        let with_seed = |row: &String| format!("{row} seed {},", args.seed);
+        page::put_rows(
+            MARKERS,
+            HEAD,
+            &rows.iter().map(with_seed).collect::<Vec<_>>(),
+        )?;
     }
     failures(&attacks, &tallies)
 }
 
-/// Returns the table in Markdown.
-fn table(attacks: &[&Attack], tallies: &[Tally]) -> String {
-    let mut text = String::from(
-        "| attack | an attempt | tried | noticed | harmless | failed |\n\
-         |---|---|--:|--:|--:|--:|\n",
-    );
-    for (attack, tally) in attacks.iter().zip(tallies) {
+/// Returns the rows of the table in Markdown, without their last cell.
+fn rows(attacks: &[&Attack], tallies: &[Tally]) -> Vec<String> {
+    let row = |(attack, tally): (&&Attack, &Tally)| {
         let counts = match tally.skipped {
             Some(reason) => format!("skipped: {reason} | | |"),
             None => format!(
@@ -249,14 +254,9 @@ fn table(attacks: &[&Attack], tallies: &[Tally]) -> String {
                 tally.failed.len()
             ),
         };
-        // Writing to a string cannot fail.
-        let _ = writeln!(
-            text,
-            "| {} | {} | {counts} |",
-            attack.name, attack.description
-        );
-    }
-    text
+        format!("| {} | {} | {counts} |", attack.name, attack.description)
+    };
+    attacks.iter().zip(tallies).map(row).collect()
 }
 
 /// Returns an error that lists what got past the program.

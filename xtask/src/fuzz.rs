@@ -1,0 +1,477 @@
+//! Builds the targets of `fuzz/`, runs each for an equal processor time, makes its corpus small, and
+//! states what the corpus reaches of the target's reader. Needs Linux.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+use serde_json::Value;
+
+use crate::{page, root};
+
+/// Lines around the table on the page about hostile files.
+const MARKERS: [&str; 2] = ["<!-- fuzz -->", "<!-- end of fuzz -->"];
+
+/// Head of the table.
+const HEAD: &str = "| target | inputs | accepted | processor time, min | most memory, MiB | \
+                    lines of the reader reached | findings | measured |\n\
+                    |---|--:|--:|--:|--:|--:|--:|---|\n";
+
+/// Targets, and the starts of paths of the source files that read what they are given.
+const READERS: [(&str, &[&str]); 14] = [
+    ("checkpoint", &["crates/lumbre-render/src/cpu/films/"]),
+    ("folder", &["crates/lumbre-light/src/scene/load/folder/"]),
+    ("glb", &["crates/lumbre-light/src/scene/load/gltf/"]),
+    ("gltf", &["crates/lumbre-light/src/scene/load/gltf/"]),
+    (
+        "image",
+        &[
+            "crates/lumbre-light/src/scene/load/images.rs",
+            "crates/lumbre-light/src/scene/load/openexr.rs",
+        ],
+    ),
+    ("lua", &["src/script/scene/"]),
+    ("mitsuba", &["crates/lumbre-light/src/scene/load/mitsuba/"]),
+    ("mtl", &["crates/lumbre-light/src/scene/load/obj/mtl.rs"]),
+    ("obj", &["crates/lumbre-light/src/scene/load/obj/"]),
+    ("pbrt", &["crates/lumbre-light/src/scene/load/pbrt/"]),
+    ("ply", &["crates/lumbre-light/src/scene/load/ply"]),
+    ("rows", &["src/store/write/metrics_csv.rs"]),
+    ("scn", &["crates/lumbre-light/src/scene/load/scn/"]),
+    (
+        "serialized",
+        &["crates/lumbre-light/src/scene/load/mitsuba/serialized.rs"],
+    ),
+];
+
+/// The system that the targets are built for; named, so that flags of targets are not those of
+/// procedural macros.
+const SYSTEM: &str = "x86_64-unknown-linux-gnu";
+
+/// Flags of the compiler with which libFuzzer sees the branches that an input takes.
+const FUZZING: &str = "-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4 \
+                       -Cllvm-args=-sanitizer-coverage-inline-8bit-counters \
+                       -Cllvm-args=-sanitizer-coverage-pc-table \
+                       -Cllvm-args=-sanitizer-coverage-trace-compares --cfg fuzzing";
+
+/// Flags with which a target writes the lines that it reaches.
+const COVERAGE: &str = "-Cinstrument-coverage --cfg fuzzing";
+
+/// Largest input in bytes.
+const LONGEST: u32 = 20_000;
+/// Findings after which a target runs no more.
+const MAX_FINDINGS: usize = 10;
+/// Seconds after which an input counts as hanging.
+const HANG: u32 = 60;
+
+/// Options of the chore.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Processor time for each target in minutes
+    #[arg(long, default_value_t = 1.0)]
+    minutes: f64,
+    /// Run only targets whose name contains this text (repeat for more)
+    #[arg(long, value_name = "TEXT")]
+    only: Vec<String>,
+    /// Number of targets that run at once; by default the number of processors
+    #[arg(long, value_name = "N")]
+    jobs: Option<usize>,
+    /// Folder of the builds, the corpus and the findings; a corpus that lies there is continued
+    #[arg(long, value_name = "DIR", default_value = "target/fuzz")]
+    out: PathBuf,
+    /// Measure the lines that each corpus reaches, and write the rows into the table of the page
+    /// about hostile files
+    #[arg(long)]
+    page: bool,
+}
+
+/// What a target did.
+#[derive(Default)]
+struct Tally {
+    inputs: u64,
+    /// Inputs that were accepted, of how many; counted in steps.
+    accepted: [u64; 2],
+    processor_time: Duration,
+    /// Largest resident memory in MiB.
+    memory: u64,
+    /// Lines of the reader that the corpus reaches, of how many.
+    lines: Option<[u64; 2]>,
+    /// Files of inputs that crashed, hung or took too much memory.
+    findings: Vec<PathBuf>,
+}
+
+/// Runs the targets and prints the table.
+///
+/// # Errors
+/// Returns the findings, or why nothing can be run.
+pub fn run(args: &Args) -> Result<(), String> {
+    let chosen = |name: &str| {
+        args.only.is_empty() || args.only.iter().any(|text| name.contains(text.as_str()))
+    };
+    let targets: Vec<&str> = READERS.iter().map(|r| r.0).filter(|n| chosen(n)).collect();
+    if targets.is_empty() {
+        return Err("no target has such a name".to_owned());
+    }
+    make_folder(&args.out)?;
+    let out = args.out.canonicalize().map_err(|e| e.to_string())?;
+    seed(&out)?;
+    let programs = build(&out.join("build"), FUZZING, &targets)?;
+    let readers = match args.page {
+        true => Some(build(&out.join("coverage"), COVERAGE, &targets)?),
+        false => None,
+    };
+    let time = Duration::from_secs_f64((args.minutes * 60.0).clamp(1.0, 1e9));
+    let queue = Mutex::new(targets.iter());
+    let tallies = Mutex::new(BTreeMap::new());
+    let processors = || std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        let work = || {
+            while let Some(name) = lock(&queue).next() {
+                let tally = attack(&programs.join(name), &out, time).and_then(|mut tally| {
+                    minimise(&programs.join(name), &out)?;
+                    if let Some(readers) = &readers {
+                        tally.lines = Some(lines(&readers.join(name), &out)?);
+                    }
+                    Ok(tally)
+                });
+                lock(&tallies).insert(*name, tally);
+            }
+        };
+        for _ in 0..args.jobs.unwrap_or_else(processors) {
+            scope.spawn(work);
+        }
+    });
+    finish(lock(&tallies).iter(), args.page)
+}
+
+fn lock<T>(of: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    of.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Prints the table, writes it if wanted, and returns what was found as an error.
+fn finish<'a>(
+    tallies: impl Iterator<Item = (&'a &'a str, &'a Result<Tally, String>)>,
+    page: bool,
+) -> Result<(), String> {
+    let (mut rows, mut problems) = (Vec::new(), Vec::new());
+    for (name, tally) in tallies {
+        match tally {
+            Ok(tally) => {
+                rows.push(row(name, tally));
+                let findings = tally.findings.iter().map(|f| f.display().to_string());
+                problems.extend(findings);
+            }
+            Err(problem) => problems.push(format!("{name}: {problem}")),
+        }
+    }
+    println!("{HEAD}{}", rows.join("\n"));
+    if page {
+        page::put_rows(MARKERS, HEAD, &rows)?;
+    }
+    match problems.is_empty() {
+        true => Ok(()),
+        false => Err(problems.join("\n")),
+    }
+}
+
+/// Returns a row of the table without its last cell.
+fn row(name: &str, tally: &Tally) -> String {
+    let part = |[some, all]: [u64; 2]| match all {
+        0 => String::new(),
+        _ => format!("{:.0} %", 100.0 * some as f64 / all as f64),
+    };
+    let lines = match tally.lines {
+        Some(lines) => format!("{} of {}", part(lines), lines[1]),
+        None => String::new(),
+    };
+    format!(
+        "| `{name}` | {} | {} | {:.1} | {} | {lines} | {} |",
+        tally.inputs,
+        part(tally.accepted),
+        tally.processor_time.as_secs_f64() / 60.0,
+        tally.memory,
+        tally.findings.len()
+    )
+}
+
+/// Writes the first inputs of all targets: samples of their formats.
+fn seed(out: &Path) -> Result<(), String> {
+    let mut command = cargo(&out.join("build"), "");
+    command.args(["run", "--locked", "--release", "--bin", "seeds"]);
+    succeed(command.arg(out.join("corpus")))
+}
+
+/// Builds targets with flags of the compiler, and returns the folder of the programs.
+fn build(target: &Path, flags: &str, names: &[&str]) -> Result<PathBuf, String> {
+    let mut command = cargo(target, flags);
+    command.args(["build", "--locked", "--release", "--target", SYSTEM]);
+    for name in names {
+        command.args(["--bin", name]);
+    }
+    // The pass that counts branches is open to unstable compilers alone.
+    succeed(command.env("RUSTC_BOOTSTRAP", "1"))?;
+    Ok(target.join(SYSTEM).join("release"))
+}
+
+fn cargo(target: &Path, flags: &str) -> Command {
+    let mut command = Command::new(std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned()));
+    command
+        .current_dir(root().join("fuzz"))
+        .env("CARGO_TARGET_DIR", target)
+        .env("RUSTFLAGS", flags);
+    command
+}
+
+/// Runs a target until it took its processor time; a few findings do not end it.
+fn attack(program: &Path, out: &Path, time: Duration) -> Result<Tally, String> {
+    let findings = out.join("findings").join(name(program));
+    make_folder(&findings)?;
+    let before = files(&findings)?;
+    let mut tally = Tally::default();
+    while tally.processor_time < time && tally.findings.len() < MAX_FINDINGS {
+        let mut command = target(program, out);
+        command
+            .arg(corpus(program, out))
+            .arg(format!("-artifact_prefix={}/", findings.display()));
+        let rest = time.saturating_sub(tally.processor_time);
+        let (status, text, spent) = end_after(&mut command, rest)?;
+        tally.processor_time += spent;
+        tally.add(&text);
+        let known = tally.findings.len();
+        tally.findings = files(&findings)?;
+        tally.findings.retain(|file| !before.contains(file));
+        if !status.success() && tally.findings.len() == known {
+            return Err(format!("{status}: {}", last_lines(&text)));
+        }
+    }
+    Ok(tally)
+}
+
+impl Tally {
+    /// Adds what a run of the target printed.
+    fn add(&mut self, text: &str) {
+        let number = |name: &str| {
+            let line = text.lines().rev().find_map(|l| l.strip_prefix(name));
+            line.and_then(|l| l.trim().parse::<u64>().ok())
+        };
+        self.inputs += number("stat::number_of_executed_units:").unwrap_or_default();
+        self.memory = self
+            .memory
+            .max(number("stat::peak_rss_mb:").unwrap_or_default());
+        let counts = text.lines().rev().find_map(|line| {
+            let (accepted, tried) = line.strip_prefix("accepted: ")?.split_once(" of ")?;
+            Some([accepted.parse().ok()?, tried.parse().ok()?])
+        });
+        let [accepted, tried]: [u64; 2] = counts.unwrap_or_default();
+        self.accepted[0] += accepted;
+        self.accepted[1] += tried;
+    }
+}
+
+/// Keeps those inputs of a corpus that reach different branches.
+fn minimise(program: &Path, out: &Path) -> Result<(), String> {
+    let corpus = corpus(program, out);
+    let small = corpus.with_extension("small");
+    make_folder(&small)?;
+    let mut command = target(program, out);
+    succeed(
+        command
+            .arg("-merge=1")
+            .arg(&small)
+            .arg(&corpus)
+            .stderr(Stdio::null()),
+    )?;
+    fs::remove_dir_all(&corpus)
+        .and_then(|()| fs::rename(&small, &corpus))
+        .map_err(|e| format!("{}: {e}", corpus.display()))
+}
+
+/// Returns how many lines of its reader the corpus of a target reaches, and how many there are.
+fn lines(program: &Path, out: &Path) -> Result<[u64; 2], String> {
+    let name = name(program);
+    let raw = out.join(format!("{name}.profraw"));
+    let merged = raw.with_extension("profdata");
+    let mut command = target(program, out);
+    command.args(files(&corpus(program, out))?);
+    succeed(command.env("LLVM_PROFILE_FILE", &raw).stderr(Stdio::null()))?;
+    let mut merge = Command::new(llvm_tool("llvm-profdata")?);
+    succeed(
+        merge
+            .args(["merge", "-sparse", "-o"])
+            .arg(&merged)
+            .arg(&raw),
+    )?;
+    let output = Command::new(llvm_tool("llvm-cov")?)
+        .args(["export", "--summary-only", "--instr-profile"])
+        .arg(&merged)
+        .arg(program)
+        .output()
+        .map_err(|e| e.to_string())?;
+    let all: Value =
+        serde_json::from_slice(&output.stdout).map_err(|e| format!("llvm-cov: {e}"))?;
+    let (_, starts) = READERS.iter().find(|r| r.0 == name).ok_or("no reader")?;
+    let mut sums = [0, 0];
+    for file in all["data"][0]["files"].as_array().into_iter().flatten() {
+        let path = file["filename"].as_str().unwrap_or_default();
+        let lines = &file["summary"]["lines"];
+        if starts.iter().any(|start| path.contains(start)) {
+            sums[0] += lines["covered"].as_u64().unwrap_or_default();
+            sums[1] += lines["count"].as_u64().unwrap_or_default();
+        }
+    }
+    match sums {
+        [_, 0] => Err("no source file of its reader is in the program".to_owned()),
+        sums => Ok(sums),
+    }
+}
+
+/// Returns a tool of the compiler's own LLVM.
+fn llvm_tool(name: &str) -> Result<PathBuf, String> {
+    let output = Command::new("rustc").args(["--print", "sysroot"]).output();
+    let output = output.map_err(|e| format!("rustc: {e}"))?.stdout;
+    let root = PathBuf::from(String::from_utf8_lossy(&output).trim());
+    let tool = root.join("lib/rustlib").join(SYSTEM).join("bin").join(name);
+    match tool.is_file() {
+        true => Ok(tool),
+        false => Err(format!(
+            "{name} is missing: `rustup component add llvm-tools`"
+        )),
+    }
+}
+
+/// Returns the command that runs a target with the limits of an input.
+fn target(program: &Path, out: &Path) -> Command {
+    let mut command = Command::new(program);
+    command
+        .current_dir(out)
+        .arg(format!("-max_len={LONGEST}"))
+        .arg(format!("-timeout={HANG}"))
+        .args(["-print_final_stats=1", "-handle_usr1=1"]);
+    // The files that a target writes live in memory where that is possible.
+    if Path::new("/dev/shm").is_dir() {
+        command.env("TMPDIR", "/dev/shm");
+    }
+    command
+}
+
+/// Runs a command, asks it to end after a processor time, and returns how it ended, its messages
+/// and its processor time.
+fn end_after(
+    command: &mut Command,
+    time: Duration,
+) -> Result<(ExitStatus, String, Duration), String> {
+    let mut child = command
+        .stderr(Stdio::piped())
+        .spawn()
+        .map_err(|e| format!("cannot start {command:?}: {e}"))?;
+    let messages = child.stderr.take().map(BufReader::new);
+    let reader = std::thread::spawn(move || messages.map(kept).unwrap_or_default());
+    let (mut spent, mut is_asked) = (Duration::ZERO, false);
+    let status = loop {
+        if let Some(status) = child.try_wait().map_err(|e| e.to_string())? {
+            break status;
+        }
+        spent = processor_time(&child).unwrap_or(spent);
+        if spent >= time && !is_asked {
+            is_asked = true;
+            succeed(Command::new("kill").args(["-USR1", &child.id().to_string()]))?;
+        }
+        std::thread::sleep(Duration::from_millis(100));
+    };
+    let text = reader.join().unwrap_or_default();
+    Ok((status, text, spent))
+}
+
+/// Reads messages to their end, and returns those that are not about new inputs.
+fn kept(messages: impl Read) -> String {
+    let lines = BufReader::new(messages).split(b'\n').map_while(Result::ok);
+    let lines = lines.map(|line| String::from_utf8_lossy(&line).into_owned());
+    let told: Vec<String> = lines.filter(|line| !line.starts_with('#')).collect();
+    told.join("\n")
+}
+
+/// Returns the processor time of a process so far, from the fields 14 and 15 of its `stat` in
+/// hundredths of a second.
+fn processor_time(child: &Child) -> Option<Duration> {
+    let stat = fs::read_to_string(format!("/proc/{}/stat", child.id())).ok()?;
+    let (_, rest) = stat.rsplit_once(')')?;
+    let ticks = rest.split_whitespace().skip(11).take(2);
+    let ticks: u64 = ticks.map(|t| t.parse::<u64>().unwrap_or_default()).sum();
+    Some(Duration::from_millis(10 * ticks))
+}
+
+fn name(program: &Path) -> String {
+    let name = program.file_name().unwrap_or_default();
+    name.to_string_lossy().into_owned()
+}
+
+fn corpus(program: &Path, out: &Path) -> PathBuf {
+    out.join("corpus").join(name(program))
+}
+
+fn make_folder(path: &Path) -> Result<(), String> {
+    fs::create_dir_all(path).map_err(|e| format!("{}: {e}", path.display()))
+}
+
+/// Returns the files of a folder in order.
+fn files(folder: &Path) -> Result<Vec<PathBuf>, String> {
+    let entries = fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    let mut files: Vec<PathBuf> = entries.flatten().map(|e| e.path()).collect();
+    files.sort();
+    Ok(files)
+}
+
+/// Returns the last lines of messages in one.
+fn last_lines(text: &str) -> String {
+    let lines: Vec<&str> = text.lines().rev().take(4).collect();
+    lines.into_iter().rev().collect::<Vec<_>>().join(" / ")
+}
+
+/// Runs a command that has to succeed.
+fn succeed(command: &mut Command) -> Result<(), String> {
+    match command.status() {
+        Ok(status) if status.success() => Ok(()),
+        Ok(status) => Err(format!("{command:?}: {status}")),
+        Err(e) => Err(format!("cannot start {command:?}: {e}")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+    use super::*;
+
+    #[test]
+    fn every_target_has_a_reader_whose_files_exist() {
+        let of_folder = files(&root().join("fuzz/fuzz_targets")).unwrap();
+        let stem = |path: &PathBuf| path.file_stem().unwrap().to_string_lossy().into_owned();
+        let targets: Vec<String> = of_folder.iter().map(stem).collect();
+        let readers: Vec<&str> = READERS.iter().map(|r| r.0).collect();
+        assert_eq!(targets, readers);
+        for start in READERS.iter().flat_map(|r| r.1) {
+            let path = root().join(start);
+            assert!(
+                path.exists() || path.with_extension("rs").exists(),
+                "{start}"
+            );
+        }
+    }
+
+    #[test]
+    fn counts_are_read_from_the_messages_of_a_target() {
+        let mut tally = Tally::default();
+        for _ in 0..2 {
+            tally.add(
+                "accepted: 10 of 4096\naccepted: 30 of 8192\nstat::number_of_executed_units: 9000\n\
+                 stat::peak_rss_mb:              91\n",
+            );
+        }
+        assert_eq!((tally.inputs, tally.memory), (18_000, 91));
+        assert_eq!(tally.accepted, [60, 16_384]);
+    }
+}
