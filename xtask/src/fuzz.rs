@@ -369,7 +369,10 @@ fn end_after(
         .spawn()
         .map_err(|e| format!("cannot start {command:?}: {e}"))?;
     let messages = child.stderr.take().map(BufReader::new);
-    let reader = std::thread::spawn(move || messages.map(kept).unwrap_or_default());
+    let reader = std::thread::Builder::new()
+        .name("messages".to_owned())
+        .spawn(move || messages.map(kept).unwrap_or_default())
+        .map_err(|e| e.to_string())?;
     let (mut spent, mut is_asked) = (Duration::ZERO, false);
     let status = loop {
         if let Some(status) = child.try_wait().map_err(|e| e.to_string())? {

@@ -23,6 +23,7 @@ const MATERIAL_SCENE: &str = "ball";
 const CLASSES: &[(&str, &str)] = &[
     ("bitmap", "texture"),
     ("checkerboard", "texture"),
+    ("mesh_attribute", "texture"),
     ("hdrfilm", "film"),
     ("box", "rfilter"),
     ("area", "emitter"),
