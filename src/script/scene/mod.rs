@@ -112,18 +112,13 @@ fn stage(value: &Value) -> Result<Stage, String> {
     }
 }
 
-/// Returns the text that stands for a value in a file: of a list, its elements with spaces between them.
+/// Returns the text that stands for a value in a file.
 fn variable(name: &str, value: &Value) -> Result<String, String> {
     match value {
         Value::Bool(_) | Value::Int(_) | Value::Num(_) => Ok(value.to_string()),
         Value::Str(text) => Ok(text.clone()),
-        Value::List(list) => {
-            let texts: Result<Vec<String>, String> =
-                list.iter().map(|item| variable(name, item)).collect();
-            Ok(texts?.join(" "))
-        }
-        Value::Nil | Value::Map(_) => Err(format!(
-            "`{name}` is {}: expected a number, a text, true, false, or a list of them",
+        Value::Nil | Value::List(_) | Value::Map(_) => Err(format!(
+            "`{name}` is {}: expected a number, a text, true or false",
             value.kind()
         )),
     }

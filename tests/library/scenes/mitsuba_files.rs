@@ -366,7 +366,7 @@ fn variables_are_options_of_the_scene() {
         (desc.max_depth, desc.materials[0].base_color),
         (9, Vec3::splat(0.5))
     );
-    let color = Value::List([0.25, 0.5, 0.75].map(Value::from).to_vec());
+    let color = Value::from("0.25 0.5 0.75");
     let given = [kind, ("depth", Value::Int(3)), ("grey", color)];
     let (desc, _) = read("a.xml", &given).unwrap();
     let expected = (3, Vec3::new(0.25, 0.5, 0.75));
