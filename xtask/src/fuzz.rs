@@ -11,7 +11,8 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-use crate::{page, root};
+use crate::command::{cargo, execute, output};
+use crate::{is_chosen, page, root};
 
 /// Lines around the table on the page about hostile files.
 const MARKERS: [&str; 2] = ["<!-- fuzz -->", "<!-- end of fuzz -->"];
@@ -109,19 +110,18 @@ struct Tally {
 /// # Errors
 /// Returns the findings, or why nothing can be run.
 pub fn run(args: &Args) -> Result<(), String> {
-    let chosen = |name: &str| {
-        args.only.is_empty() || args.only.iter().any(|text| name.contains(text.as_str()))
-    };
-    let targets: Vec<&str> = READERS.iter().map(|r| r.0).filter(|n| chosen(n)).collect();
+    let chosen = |(name, _): &&(&str, &[&str])| is_chosen(&args.only, name);
+    let targets: Vec<_> = READERS.iter().filter(chosen).collect();
     if targets.is_empty() {
         return Err("no target has such a name".to_owned());
     }
     make_folder(&args.out)?;
     let out = args.out.canonicalize().map_err(|e| e.to_string())?;
     seed(&out)?;
-    let programs = build(&out.join("build"), FUZZING, &targets)?;
+    let names: Vec<&str> = targets.iter().map(|(name, _)| *name).collect();
+    let programs = build(&out.join("build"), FUZZING, &names)?;
     let readers = match args.page {
-        true => Some(build(&out.join("coverage"), COVERAGE, &targets)?),
+        true => Some(build(&out.join("coverage"), COVERAGE, &names)?),
         false => None,
     };
     let time = Duration::from_secs_f64((args.minutes * 60.0).clamp(1.0, 1e9));
@@ -130,11 +130,18 @@ pub fn run(args: &Args) -> Result<(), String> {
     let processors = || std::thread::available_parallelism().map_or(1, usize::from);
     std::thread::scope(|scope| {
         let work = || {
-            while let Some(name) = lock(&queue).next() {
-                let tally = attack(&programs.join(name), &out, time).and_then(|mut tally| {
-                    minimise(&programs.join(name), &out)?;
+            while let Some((name, reader)) = lock(&queue).next() {
+                let target = |programs: &Path| Target {
+                    name,
+                    reader,
+                    program: programs.join(name),
+                    out: &out,
+                };
+                let fuzzed = target(&programs);
+                let tally = fuzzed.attack(time).and_then(|mut tally| {
+                    fuzzed.minimise()?;
                     if let Some(readers) = &readers {
-                        tally.lines = Some(lines(&readers.join(name), &out)?);
+                        tally.lines = Some(target(readers).lines()?);
                     }
                     Ok(tally)
                 });
@@ -200,55 +207,139 @@ fn row(name: &str, tally: &Tally) -> String {
 
 /// Writes the first inputs of all targets: samples of their formats.
 fn seed(out: &Path) -> Result<(), String> {
-    let mut command = cargo(&out.join("build"), "");
+    let mut command = fuzz_cargo(&out.join("build"), "");
     command.args(["run", "--locked", "--release", "--bin", "seeds"]);
-    succeed(command.arg(out.join("corpus")))
+    execute(command.arg(out.join("corpus")))
 }
 
 /// Builds targets with flags of the compiler, and returns the folder of the programs.
 fn build(target: &Path, flags: &str, names: &[&str]) -> Result<PathBuf, String> {
-    let mut command = cargo(target, flags);
+    let mut command = fuzz_cargo(target, flags);
     command.args(["build", "--locked", "--release", "--target", SYSTEM]);
     for name in names {
         command.args(["--bin", name]);
     }
     // The pass that counts branches is open to unstable compilers alone.
-    succeed(command.env("RUSTC_BOOTSTRAP", "1"))?;
+    execute(command.env("RUSTC_BOOTSTRAP", "1"))?;
     Ok(target.join(SYSTEM).join("release"))
 }
 
-fn cargo(target: &Path, flags: &str) -> Command {
-    let mut command = Command::new(std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned()));
+/// Returns the command `cargo` for the package of the targets.
+fn fuzz_cargo(build: &Path, flags: &str) -> Command {
+    let mut command = cargo();
     command
         .current_dir(root().join("fuzz"))
-        .env("CARGO_TARGET_DIR", target)
+        .env("CARGO_TARGET_DIR", build)
         .env("RUSTFLAGS", flags);
     command
 }
 
-/// Runs a target until it took its processor time; a few findings do not end it.
-fn attack(program: &Path, out: &Path, time: Duration) -> Result<Tally, String> {
-    let findings = out.join("findings").join(name(program));
-    make_folder(&findings)?;
-    let before = files(&findings)?;
-    let mut tally = Tally::default();
-    while tally.processor_time < time && tally.findings.len() < MAX_FINDINGS {
-        let mut command = target(program, out);
-        command
-            .arg(corpus(program, out))
-            .arg(format!("-artifact_prefix={}/", findings.display()));
-        let rest = time.saturating_sub(tally.processor_time);
-        let (status, text, spent) = end_after(&mut command, rest)?;
-        tally.processor_time += spent;
-        tally.add(&text);
-        let known = tally.findings.len();
-        tally.findings = files(&findings)?;
-        tally.findings.retain(|file| !before.contains(file));
-        if !status.success() && tally.findings.len() == known {
-            return Err(format!("{status}: {}", last_lines(&text)));
+/// A target that was built.
+struct Target<'a> {
+    name: &'a str,
+    /// Starts of paths of the source files of its reader.
+    reader: &'a [&'a str],
+    program: PathBuf,
+    /// Folder of the corpus and the findings of all targets.
+    out: &'a Path,
+}
+
+impl Target<'_> {
+    /// Runs the target until it took its processor time; a few findings do not end it.
+    fn attack(&self, time: Duration) -> Result<Tally, String> {
+        let findings = self.out.join("findings").join(self.name);
+        make_folder(&findings)?;
+        let before = files(&findings)?;
+        let mut tally = Tally::default();
+        while tally.processor_time < time && tally.findings.len() < MAX_FINDINGS {
+            let mut command = self.command();
+            command
+                .arg(self.corpus())
+                .arg(format!("-artifact_prefix={}/", findings.display()));
+            let rest = time.saturating_sub(tally.processor_time);
+            let (status, text, spent) = end_after(&mut command, rest)?;
+            tally.processor_time += spent;
+            tally.add(&text);
+            let known = tally.findings.len();
+            tally.findings = files(&findings)?;
+            tally.findings.retain(|file| !before.contains(file));
+            if !status.success() && tally.findings.len() == known {
+                return Err(format!("{status}: {}", last_lines(&text)));
+            }
+        }
+        Ok(tally)
+    }
+
+    /// Keeps those inputs of the corpus that reach different branches.
+    fn minimise(&self) -> Result<(), String> {
+        let corpus = self.corpus();
+        let small = corpus.with_extension("small");
+        make_folder(&small)?;
+        let mut command = self.command();
+        execute(
+            command
+                .arg("-merge=1")
+                .arg(&small)
+                .arg(&corpus)
+                .stderr(Stdio::null()),
+        )?;
+        fs::remove_dir_all(&corpus)
+            .and_then(|()| fs::rename(&small, &corpus))
+            .map_err(|e| format!("{}: {e}", corpus.display()))
+    }
+
+    /// Returns how many lines of the reader the corpus reaches, and how many there are.
+    fn lines(&self) -> Result<[u64; 2], String> {
+        let raw = self.out.join(format!("{}.profraw", self.name));
+        let merged = raw.with_extension("profdata");
+        let mut command = self.command();
+        command.args(files(&self.corpus())?);
+        execute(command.env("LLVM_PROFILE_FILE", &raw).stderr(Stdio::null()))?;
+        let mut merge = Command::new(llvm_tool("llvm-profdata")?);
+        execute(
+            merge
+                .args(["merge", "-sparse", "-o"])
+                .arg(&merged)
+                .arg(&raw),
+        )?;
+        let mut export = Command::new(llvm_tool("llvm-cov")?);
+        export.args(["export", "--summary-only", "--instr-profile"]);
+        let summary = output(export.arg(&merged).arg(&self.program))?;
+        let all: Value = serde_json::from_slice(&summary).map_err(|e| format!("llvm-cov: {e}"))?;
+        let mut sums = [0, 0];
+        for file in all["data"][0]["files"].as_array().into_iter().flatten() {
+            let path = file["filename"].as_str().unwrap_or_default();
+            let lines = &file["summary"]["lines"];
+            if self.reader.iter().any(|start| path.contains(start)) {
+                sums[0] += lines["covered"].as_u64().unwrap_or_default();
+                sums[1] += lines["count"].as_u64().unwrap_or_default();
+            }
+        }
+        match sums {
+            [_, 0] => Err("no source file of its reader is in the program".to_owned()),
+            sums => Ok(sums),
         }
     }
-    Ok(tally)
+
+    /// Returns the command that runs the target with the limits of an input.
+    fn command(&self) -> Command {
+        let mut command = Command::new(&self.program);
+        command
+            .current_dir(self.out)
+            .arg(format!("-max_len={LONGEST}"))
+            .arg(format!("-timeout={HANG}"))
+            .args(["-print_final_stats=1", "-handle_usr1=1"]);
+        // The files that a target writes live in memory where that is possible.
+        if Path::new("/dev/shm").is_dir() {
+            command.env("TMPDIR", "/dev/shm");
+        }
+        command
+    }
+
+    /// Returns the folder of its inputs.
+    fn corpus(&self) -> PathBuf {
+        self.out.join("corpus").join(self.name)
+    }
 }
 
 impl Tally {
@@ -272,68 +363,10 @@ impl Tally {
     }
 }
 
-/// Keeps those inputs of a corpus that reach different branches.
-fn minimise(program: &Path, out: &Path) -> Result<(), String> {
-    let corpus = corpus(program, out);
-    let small = corpus.with_extension("small");
-    make_folder(&small)?;
-    let mut command = target(program, out);
-    succeed(
-        command
-            .arg("-merge=1")
-            .arg(&small)
-            .arg(&corpus)
-            .stderr(Stdio::null()),
-    )?;
-    fs::remove_dir_all(&corpus)
-        .and_then(|()| fs::rename(&small, &corpus))
-        .map_err(|e| format!("{}: {e}", corpus.display()))
-}
-
-/// Returns how many lines of its reader the corpus of a target reaches, and how many there are.
-fn lines(program: &Path, out: &Path) -> Result<[u64; 2], String> {
-    let name = name(program);
-    let raw = out.join(format!("{name}.profraw"));
-    let merged = raw.with_extension("profdata");
-    let mut command = target(program, out);
-    command.args(files(&corpus(program, out))?);
-    succeed(command.env("LLVM_PROFILE_FILE", &raw).stderr(Stdio::null()))?;
-    let mut merge = Command::new(llvm_tool("llvm-profdata")?);
-    succeed(
-        merge
-            .args(["merge", "-sparse", "-o"])
-            .arg(&merged)
-            .arg(&raw),
-    )?;
-    let output = Command::new(llvm_tool("llvm-cov")?)
-        .args(["export", "--summary-only", "--instr-profile"])
-        .arg(&merged)
-        .arg(program)
-        .output()
-        .map_err(|e| e.to_string())?;
-    let all: Value =
-        serde_json::from_slice(&output.stdout).map_err(|e| format!("llvm-cov: {e}"))?;
-    let (_, starts) = READERS.iter().find(|r| r.0 == name).ok_or("no reader")?;
-    let mut sums = [0, 0];
-    for file in all["data"][0]["files"].as_array().into_iter().flatten() {
-        let path = file["filename"].as_str().unwrap_or_default();
-        let lines = &file["summary"]["lines"];
-        if starts.iter().any(|start| path.contains(start)) {
-            sums[0] += lines["covered"].as_u64().unwrap_or_default();
-            sums[1] += lines["count"].as_u64().unwrap_or_default();
-        }
-    }
-    match sums {
-        [_, 0] => Err("no source file of its reader is in the program".to_owned()),
-        sums => Ok(sums),
-    }
-}
-
 /// Returns a tool of the compiler's own LLVM.
 fn llvm_tool(name: &str) -> Result<PathBuf, String> {
-    let output = Command::new("rustc").args(["--print", "sysroot"]).output();
-    let output = output.map_err(|e| format!("rustc: {e}"))?.stdout;
-    let root = PathBuf::from(String::from_utf8_lossy(&output).trim());
+    let printed = output(Command::new("rustc").args(["--print", "sysroot"]))?;
+    let root = PathBuf::from(String::from_utf8_lossy(&printed).trim());
     let tool = root.join("lib/rustlib").join(SYSTEM).join("bin").join(name);
     match tool.is_file() {
         true => Ok(tool),
@@ -341,21 +374,6 @@ fn llvm_tool(name: &str) -> Result<PathBuf, String> {
             "{name} is missing: `rustup component add llvm-tools`"
         )),
     }
-}
-
-/// Returns the command that runs a target with the limits of an input.
-fn target(program: &Path, out: &Path) -> Command {
-    let mut command = Command::new(program);
-    command
-        .current_dir(out)
-        .arg(format!("-max_len={LONGEST}"))
-        .arg(format!("-timeout={HANG}"))
-        .args(["-print_final_stats=1", "-handle_usr1=1"]);
-    // The files that a target writes live in memory where that is possible.
-    if Path::new("/dev/shm").is_dir() {
-        command.env("TMPDIR", "/dev/shm");
-    }
-    command
 }
 
 /// Runs a command, asks it to end after a processor time, and returns how it ended, its messages
@@ -381,7 +399,7 @@ fn end_after(
         spent = processor_time(&child).unwrap_or(spent);
         if spent >= time && !is_asked {
             is_asked = true;
-            succeed(Command::new("kill").args(["-USR1", &child.id().to_string()]))?;
+            execute(Command::new("kill").args(["-USR1", &child.id().to_string()]))?;
         }
         std::thread::sleep(Duration::from_millis(100));
     };
@@ -407,15 +425,6 @@ fn processor_time(child: &Child) -> Option<Duration> {
     Some(Duration::from_millis(10 * ticks))
 }
 
-fn name(program: &Path) -> String {
-    let name = program.file_name().unwrap_or_default();
-    name.to_string_lossy().into_owned()
-}
-
-fn corpus(program: &Path, out: &Path) -> PathBuf {
-    out.join("corpus").join(name(program))
-}
-
 fn make_folder(path: &Path) -> Result<(), String> {
     fs::create_dir_all(path).map_err(|e| format!("{}: {e}", path.display()))
 }
@@ -432,15 +441,6 @@ fn files(folder: &Path) -> Result<Vec<PathBuf>, String> {
 fn last_lines(text: &str) -> String {
     let lines: Vec<&str> = text.lines().rev().take(4).collect();
     lines.into_iter().rev().collect::<Vec<_>>().join(" / ")
-}
-
-/// Runs a command that has to succeed.
-fn succeed(command: &mut Command) -> Result<(), String> {
-    match command.status() {
-        Ok(status) if status.success() => Ok(()),
-        Ok(status) => Err(format!("{command:?}: {status}")),
-        Err(e) => Err(format!("cannot start {command:?}: {e}")),
-    }
 }
 
 #[cfg(test)]

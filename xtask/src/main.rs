@@ -7,6 +7,7 @@
 )]
 
 mod bench;
+mod command;
 #[cfg(unix)]
 mod fuzz;
 #[cfg(unix)]
@@ -79,6 +80,12 @@ fn main() -> ExitCode {
 /// Returns the root of the repository.
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// Returns whether a name contains one of the texts of `--only`; without any, all names count.
+#[cfg(unix)]
+fn is_chosen(only: &[String], name: &str) -> bool {
+    only.is_empty() || only.iter().any(|text| name.contains(text.as_str()))
 }
 
 /// Returns the program to start: the given one, or the one that was built beside this program.

@@ -8,6 +8,8 @@ use std::process::Command;
 
 use serde_json::Value;
 
+use crate::command::{cargo, execute, output};
+
 /// Options of the chore.
 #[derive(clap::Args)]
 pub struct Args {
@@ -225,31 +227,6 @@ fn linked_packages(metadata: &Value) -> Result<Vec<&Value>, String> {
         .collect();
     linked.sort_by_key(|package| (package["name"].to_string(), package["version"].to_string()));
     Ok(linked)
-}
-
-fn cargo() -> Command {
-    let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    cargo.current_dir(crate::root());
-    cargo
-}
-
-fn execute(command: &mut Command) -> Result<(), String> {
-    let status = command.status().map_err(|e| format!("{command:?}: {e}"))?;
-    if status.success() {
-        Ok(())
-    } else {
-        Err(format!("{command:?} failed: {status}"))
-    }
-}
-
-fn output(command: &mut Command) -> Result<Vec<u8>, String> {
-    let ended = command.output().map_err(|e| format!("{command:?}: {e}"))?;
-    if ended.status.success() {
-        Ok(ended.stdout)
-    } else {
-        let reason = String::from_utf8_lossy(&ended.stderr).into_owned();
-        Err(format!("{command:?} failed: {reason}"))
-    }
 }
 
 fn copy(from: &Path, to: &Path) -> Result<(), String> {

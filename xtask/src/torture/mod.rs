@@ -22,7 +22,7 @@ use mutation::Extent;
 use night::Site;
 use random::Random;
 
-use crate::page;
+use crate::{is_chosen, page};
 
 /// Lines around the table of the last long run on the page about hostile files.
 const MARKERS: [&str; 2] = ["<!-- torture -->", "<!-- end of torture -->"];
@@ -196,10 +196,7 @@ pub fn run(args: &Args) -> Result<(), String> {
     // Absolute, since it is started in other folders.
     let program = crate::program(args.program.as_deref())?;
     let site = Site::new(&program.canonicalize().map_err(|e| e.to_string())?)?;
-    let chosen = |attack: &&Attack| {
-        let mut only = args.only.iter();
-        args.only.is_empty() || only.any(|text| attack.name.contains(text.as_str()))
-    };
+    let chosen = |attack: &&Attack| is_chosen(&args.only, attack.name);
     let attacks: Vec<&Attack> = ATTACKS.iter().filter(chosen).collect();
     if attacks.is_empty() {
         return Err("no attack has such a name".to_owned());

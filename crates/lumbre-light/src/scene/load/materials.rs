@@ -28,11 +28,15 @@ impl Materials {
     /// Returns whether a material, or a part of it, has textures of more than one texel, or is
     /// anisotropic. Unknown materials are not.
     pub(super) fn is_oriented(&self, name: &str) -> bool {
-        self.get(name).is_some_and(|m| {
-            m.anisotropic > 0.0
-                || m.textures.iter().any(|(_, t)| t.width * t.height > 1)
-                || m.parts.iter().any(|part| self.is_oriented(part))
+        self.any_part(name, &|m| {
+            m.anisotropic > 0.0 || m.textures.iter().any(|(_, t)| t.width * t.height > 1)
         })
+    }
+
+    /// Returns whether a material, or a part of it, passes a test. Unknown materials do not.
+    pub(super) fn any_part(&self, name: &str, test: &dyn Fn(&MaterialDesc) -> bool) -> bool {
+        self.get(name)
+            .is_some_and(|m| test(m) || m.parts.iter().any(|part| self.any_part(part, test)))
     }
 
     /// Returns all materials.

@@ -238,10 +238,10 @@ impl MitsubaLoader {
         };
         let emits_texture =
             |light: &Rc<XmlObject>| as_texture(light.property("radiance")).is_some();
+        let materials = &self.materials;
         let needs = SurfaceNeeds {
-            oriented: o.children("emitter").any(emits_texture)
-                || self.materials.is_oriented(&material),
-            colors: self.is_colored(&material),
+            oriented: o.children("emitter").any(emits_texture) || materials.is_oriented(&material),
+            colors: materials.any_part(&material, &|m| self.colored.contains(&m.name)),
         };
         let Some(TransformedShape {
             shape,
@@ -276,13 +276,6 @@ impl MitsubaLoader {
             shape,
         });
         Ok(())
-    }
-
-    /// Returns whether the base colour of a material, or of a part of it, is that of vertices.
-    fn is_colored(&self, material: &str) -> bool {
-        let parts = self.materials.get(material).map(|m| &m.parts);
-        let mut parts = parts.into_iter().flatten();
-        self.colored.contains(material) || parts.any(|part| self.colored.contains(part))
     }
 
     /// Returns the name of a copy of a material with the emission of an area light.

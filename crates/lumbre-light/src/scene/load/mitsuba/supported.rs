@@ -6,8 +6,8 @@ use crate::scene::load::SupportedElement;
 pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     SupportedElement {
         name: "`default`, `include`, `path`, `alias`, `ref`",
-        support: "variables, which are options of the scene, included files, folders in which files are searched, references to \
-                  earlier and later objects",
+        support: "variables, which are options of the scene, included files, folders in which files \
+                  are searched, references to earlier and later objects",
         limits: "document types and entities are refused",
     },
     SupportedElement {

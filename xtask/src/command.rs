@@ -1,0 +1,37 @@
+//! Commands of chores that have to succeed.
+
+use std::process::Command;
+
+/// Returns the command `cargo`, that which runs the chore, in the root of the repository.
+pub fn cargo() -> Command {
+    let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    cargo.current_dir(crate::root());
+    cargo
+}
+
+/// Runs a command.
+///
+/// # Errors
+/// Returns a message if it cannot be started or fails.
+pub fn execute(command: &mut Command) -> Result<(), String> {
+    let status = command.status().map_err(|e| format!("{command:?}: {e}"))?;
+    if status.success() {
+        Ok(())
+    } else {
+        Err(format!("{command:?} failed: {status}"))
+    }
+}
+
+/// Runs a command and returns its output.
+///
+/// # Errors
+/// Returns a message if it cannot be started, or its messages if it fails.
+pub fn output(command: &mut Command) -> Result<Vec<u8>, String> {
+    let ended = command.output().map_err(|e| format!("{command:?}: {e}"))?;
+    if ended.status.success() {
+        Ok(ended.stdout)
+    } else {
+        let reason = String::from_utf8_lossy(&ended.stderr).into_owned();
+        Err(format!("{command:?} failed: {reason}"))
+    }
+}
