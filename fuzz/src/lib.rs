@@ -44,9 +44,10 @@ const GROWTH: usize = 8192;
 
 /// Greatest number of accepted inputs that are kept to make further ones from.
 const KEPT: usize = 256;
-/// Extent of the changes of a text: few, since most results should be accepted, and small.
+/// Extent of the changes of a text: one, since most results should be accepted, and small. Inputs that
+/// were accepted are changed again, so that changes add up.
 const EXTENT: Extent = Extent {
-    changes: 2,
+    changes: 1,
     copies: 4,
 };
 /// Number of inputs after which the part that was accepted is printed.
