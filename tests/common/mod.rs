@@ -39,6 +39,7 @@ pub const WHITE: Material = Material {
     roughness_texture: NONE,
     metallic_texture: NONE,
     opacity_texture: NONE,
+    transmittance_texture: NONE,
     anisotropic_texture: NONE,
     normal_texture: NONE,
     bump_texture: NONE,
@@ -47,6 +48,7 @@ pub const WHITE: Material = Material {
     roughness: 1.0,
     metallic: 0.0,
     opacity: 1.0,
+    transmittance: Vec3::ZERO,
     ior: 1.5,
     base_color_texture: NONE,
     emission_texture: NONE,
@@ -129,13 +131,19 @@ impl SceneBuilder {
         self.scene.materials.len() as u32 - 1
     }
 
-    /// Adds a triangle. Its corners run counter-clockwise seen from the front.
+    /// Adds a triangle. Its corners run counter-clockwise seen from the front. Spheres that emit follow
+    /// all triangles.
     pub fn triangle(
         mut self,
         corners: [Vec3; 3],
         uvs: [Vec2; 3],
         material: Material,
     ) -> SceneBuilder {
+        let is_dark = |s: &Sphere| s.emitter == NONE;
+        assert!(
+            self.scene.spheres.iter().all(is_dark),
+            "spheres that emit follow all triangles, since the ids of primitives do"
+        );
         let row = self.material(material);
         let cross = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
         let primitive = self.scene.triangles.len() as u32;

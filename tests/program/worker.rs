@@ -207,6 +207,12 @@ fn everything() -> (Arc<CompiledScene>, Job) {
         mask_threshold: 0.3,
         ..grey(0.6)
     };
+    let paper = Material {
+        model: Model::Translucent,
+        transmittance: Vec3::new(0.3, 0.2, 0.1),
+        transmittance_texture: map,
+        ..grey(0.5)
+    };
     let cloud = Material {
         mask_texture: map,
         mask_mode: MaskMode::Blend,
@@ -224,6 +230,7 @@ fn everything() -> (Arc<CompiledScene>, Job) {
         )
         .quad(Vec3::new(-1.0, -1.0, 0.5), Vec3::X, Vec3::Y, leaf)
         .quad(Vec3::new(0.2, -1.0, 0.3), Vec3::X, Vec3::Y, cloud)
+        .quad(Vec3::new(-1.5, -0.5, 0.2), Vec3::X, Vec3::Y, paper)
         .quad(Vec3::new(-0.5, 1.5, -0.5), Vec3::X, Vec3::Z, light(4.0))
         .sphere(
             Vec3::new(0.5, 0.0, -0.5),

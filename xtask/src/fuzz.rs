@@ -127,10 +127,12 @@ pub fn run(args: &Args) -> Result<(), String> {
     let time = Duration::from_secs_f64((args.minutes * 60.0).clamp(1.0, 1e9));
     let queue = Mutex::new(targets.iter());
     let tallies = Mutex::new(BTreeMap::new());
+    // A guard in the head of a loop would live through its body.
+    let next = || lock(&queue).next();
     let processors = || std::thread::available_parallelism().map_or(1, usize::from);
     std::thread::scope(|scope| {
         let work = || {
-            while let Some((name, reader)) = lock(&queue).next() {
+            while let Some((name, reader)) = next() {
                 let target = |programs: &Path| Target {
                     name,
                     reader,
@@ -145,24 +147,33 @@ pub fn run(args: &Args) -> Result<(), String> {
                     }
                     Ok(tally)
                 });
-                lock(&tallies).insert(*name, tally);
+                let mut done = lock(&tallies);
+                done.insert(*name, tally.and_then(|tally| put(name, tally, args.page)));
             }
         };
         for _ in 0..args.jobs.unwrap_or_else(processors) {
             scope.spawn(work);
         }
     });
-    finish(lock(&tallies).iter(), args.page)
+    finish(lock(&tallies).iter())
+}
+
+/// Writes the row of a target into the table if wanted: a chore that is interrupted keeps the rows of
+/// the targets that ended.
+fn put(name: &str, tally: Tally, to_page: bool) -> Result<Tally, String> {
+    if to_page {
+        page::put_rows(MARKERS, HEAD, &[row(name, &tally)])?;
+    }
+    Ok(tally)
 }
 
 fn lock<T>(of: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     of.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Prints the table, writes it if wanted, and returns what was found as an error.
+/// Prints the table, and returns what was found as an error.
 fn finish<'a>(
     tallies: impl Iterator<Item = (&'a &'a str, &'a Result<Tally, String>)>,
-    page: bool,
 ) -> Result<(), String> {
     let (mut rows, mut problems) = (Vec::new(), Vec::new());
     for (name, tally) in tallies {
@@ -176,9 +187,6 @@ fn finish<'a>(
         }
     }
     println!("{HEAD}{}", rows.join("\n"));
-    if page {
-        page::put_rows(MARKERS, HEAD, &rows)?;
-    }
     match problems.is_empty() {
         true => Ok(()),
         false => Err(problems.join("\n")),

@@ -82,6 +82,7 @@ fn has_texture(m: &Material) -> bool {
         m.roughness_texture,
         m.metallic_texture,
         m.opacity_texture,
+        m.transmittance_texture,
     ];
     textures.iter().any(|texture| *texture != NONE)
 }

@@ -40,6 +40,7 @@ pub(super) fn known_scenes() -> Vec<KnownScene> {
         glass(),
         uniform_environment(),
         white_plastic(),
+        paper_ball(),
         sphere_over_floor(),
     ]
 }
@@ -192,6 +193,29 @@ fn white_plastic() -> KnownScene {
         scene: ball_under_radiance(plastic, 2.0),
         max_depth: 3,
         radiance: constant([2.0; 3]),
+        samples: 128,
+    }
+}
+
+/// A hollow ball of paper with reflectance R and transmittance T under uniform radiance L: inside is
+/// the radiance T L / (1 - R), of which the share T passes out again.
+fn paper_ball() -> KnownScene {
+    let (r, t) = (Vec3::new(0.3, 0.5, 0.2), Vec3::new(0.6, 0.2, 0.7));
+    let paper = MaterialDesc {
+        model: Model::Translucent,
+        transmittance: t,
+        ..lambert("ball", r)
+    };
+    let radiance = [0, 1, 2].map(|c| {
+        let (r, t) = (f64::from(r[c]), f64::from(t[c]));
+        2.0 * (r + t * t / (1.0 - r))
+    });
+    KnownScene {
+        name: "paper ball",
+        formula: "L (R + T^2 / (1 - R))",
+        scene: ball_under_radiance(paper, 2.0),
+        max_depth: 24,
+        radiance: constant(radiance),
         samples: 128,
     }
 }

@@ -95,6 +95,19 @@ fn material(d: &mut RandomInputs, textures: u32) -> Material {
     }
 }
 
+/// Returns every seventh material as a translucent sheet, with numbers that it has already.
+fn with_sheets(i: u32, m: Material) -> Material {
+    if !i.is_multiple_of(7) {
+        return m;
+    }
+    Material {
+        model: Model::Translucent,
+        transmittance: m.interface.specular,
+        transmittance_texture: m.metallic_texture,
+        ..m
+    }
+}
+
 /// Returns the parameters of a single interface, including metals without an index.
 fn interface(d: &mut RandomInputs) -> Interface {
     let mut three = |most: f32| Vec3::from_array(std::array::from_fn(|_| most * d.part()));
@@ -156,15 +169,15 @@ fn many_materials() -> (Arc<CompiledScene>, Job) {
             });
         }
     });
-    for _ in 0..TRIANGLES {
+    for i in 0..TRIANGLES {
         let corners = [(); 3].map(|()| d.vector(2.0));
         let uvs = [(); 3].map(|()| Vec2::new(d.between(-1.5, 1.5), d.between(-1.5, 1.5)));
-        let m = material(&mut d, 6);
+        let m = with_sheets(i, material(&mut d, 6));
         builder = builder.triangle(corners, uvs, m);
     }
-    for _ in 0..SPHERES {
+    for i in 0..SPHERES {
         let (center, radius) = (d.vector(2.0), d.between(0.1, 2.0));
-        let m = material(&mut d, 6);
+        let m = with_sheets(i, material(&mut d, 6));
         builder = builder.sphere(center, radius, m);
     }
     let scene = builder.with(|s| {

@@ -84,6 +84,15 @@ fn exact() -> Vec<MaterialDesc> {
         material("pane", |m| {
             (m.model, m.roughness, m.opacity, m.thin) = (Model::Dielectric, 0.0, 0.0, true);
         }),
+        material("paper", |m| {
+            m.model = Model::Translucent;
+            (m.base_color, m.transmittance) = (Vec3::new(0.5, 0.3, 0.2), Vec3::new(0.2, 0.3, 0.4));
+        }),
+        material("veined", |m| {
+            (m.model, m.base_color) = (Model::Translucent, Vec3::splat(0.3));
+            m.transmittance = Vec3::ONE;
+            m.set_texture(TextureSlot::Transmittance, grain());
+        }),
         material("dented", |m| {
             diffuse(m);
             m.bump_height = 0.3;

@@ -3,7 +3,8 @@
 use glam::{Affine2, Vec2, Vec3};
 use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{
-    LightKind, Lookup, MaskMode, SceneDesc, ShapeDesc, Texels, TextureFilter, TextureSlot, Wrap,
+    LightKind, Lookup, MaskMode, Model, SceneDesc, ShapeDesc, Texels, TextureFilter, TextureSlot,
+    Wrap,
 };
 use lumbre_light::scene::load::{MissingTextures, Variables, load_on_stage};
 use lumbre_light::scene::stage::Stage;
@@ -214,6 +215,41 @@ fn vertex_colours_and_a_second_set_of_coordinates_are_read() {
     }
 }
 
+/// Returns the sample document with another list of materials and of textures.
+fn with_materials(materials: &str) -> String {
+    let (start, end) = (
+        TEXT.find("\"materials\"").unwrap(),
+        TEXT.find("\"images\"").unwrap(),
+    );
+    format!("{}{materials}{}", &TEXT[..start], &TEXT[end..])
+}
+
+#[test]
+fn diffuse_transmission_makes_a_material_translucent() {
+    let folder = folder();
+    let leaf = r#""materials": [ { "name": "leaf", "pbrMetallicRoughness": { "baseColorFactor": [0.8, 0.4, 0.2, 1] },
+"extensions": { "KHR_materials_diffuse_transmission": { "diffuseTransmissionFactor": 0.25,
+  "diffuseTransmissionColorFactor": [0.4, 0.8, 0.2], "diffuseTransmissionColorTexture": { "index": 0 } } } } ],
+"textures": [ { "source": 0 } ],"#;
+    folder.write("a.gltf", with_materials(leaf));
+    let (desc, notes) = folder.load("a.gltf").unwrap();
+    let m = &desc.materials[0];
+    assert_eq!(m.model, Model::Translucent);
+    let (reflects, transmits) = (Vec3::new(0.6, 0.3, 0.15), Vec3::new(0.1, 0.2, 0.05));
+    assert!(
+        (m.base_color - reflects).length() < 1e-6,
+        "{}",
+        m.base_color
+    );
+    assert!(
+        (m.transmittance - transmits).length() < 1e-6,
+        "{}",
+        m.transmittance
+    );
+    assert!(m.texture(TextureSlot::Transmittance).is_some());
+    assert!(lines(&notes).contains("4 % of the light"), "{notes:?}");
+}
+
 /// Compares the texture transforms of one material with the formulas of the format on the file's
 /// own numbers.
 #[test]
@@ -237,11 +273,7 @@ fn textures_follow_their_own_transform_and_sampler() {
 \"textures\": [ {{ \"source\": 0, \"sampler\": 0 }}, {{ \"source\": 0, \"sampler\": 1 }}, {{ \"source\": 0 }} ],
 \"samplers\": [ {{ \"wrapS\": 33071, \"wrapT\": 33648 }}, {{ \"wrapT\": 33071, \"magFilter\": 9728 }} ],"
     );
-    let (start, end) = (
-        TEXT.find("\"materials\"").unwrap(),
-        TEXT.find("\"images\"").unwrap(),
-    );
-    let text = format!("{}{materials}{}", &TEXT[..start], &TEXT[end..]);
+    let text = with_materials(&materials);
     folder.write("a.gltf", &text);
     let (desc, notes) = folder.load("a.gltf").unwrap();
     let m = &desc.materials[0];

@@ -37,7 +37,7 @@ fn refused(inner: &str) -> String {
 }
 
 /// Returns the material `s` of some XML, and the notes.
-fn surface(xml: &str) -> (MaterialDesc, String) {
+pub fn surface(xml: &str) -> (MaterialDesc, String) {
     let (desc, notes) = read(&format!(
         "{xml}<shape type=\"rectangle\"><ref id=\"s\"/></shape>"
     ));

@@ -1,13 +1,14 @@
 //! Mitsuba scenes of several files: folders in which they are searched, references to later objects,
 //! serialized meshes, colours of vertices, spectra, and tilted environment maps; what cameras cut off;
-//! and variables as options.
+//! variables as options; and plugins of older versions.
 
 use glam::Vec3;
 use lumbre_light::scene::SceneDesc;
-use lumbre_light::scene::desc::{EnvironmentSource, ShapeDesc, Texels};
+use lumbre_light::scene::desc::{EnvironmentSource, Model, ShapeDesc, Texels};
 use lumbre_light::scene::load::MissingTextures;
 use lumbre_light::value::Value;
 
+use super::mitsuba::surface;
 use super::samples::serialized;
 use super::{Folder, QUAD, lines};
 
@@ -440,4 +441,28 @@ fn colours_of_vertices_are_those_of_surfaces_that_ask_for_them() {
     );
     let (_, _, notes) = read(&attribute("vertex_color"), "obj");
     assert!(notes.contains("no colours of vertices"), "{notes}");
+}
+
+#[test]
+fn diffuse_plugins_of_version_0_6_become_the_matching_models() {
+    let (m, notes) = surface(
+        r#"<bsdf type="difftrans" id="s"><rgb name="transmittance" value="0.1, 0.2, 0.3"/></bsdf>"#,
+    );
+    assert_eq!(
+        (m.model, m.base_color, m.transmittance),
+        (Model::Translucent, Vec3::ZERO, Vec3::new(0.1, 0.2, 0.3))
+    );
+    assert!(!m.one_sided && notes.is_empty(), "{notes}");
+    let (m, notes) = surface(
+        r#"<bsdf type="roughdiffuse" id="s"><rgb name="reflectance" value="0.1, 0.2, 0.3"/>
+<float name="alpha" value="1"/></bsdf>"#,
+    );
+    assert_eq!(
+        (m.model, m.base_color),
+        (Model::Lambert, Vec3::new(0.1, 0.2, 0.3))
+    );
+    assert!(
+        notes.lines().count() == 1 && notes.contains("within 8 %"),
+        "{notes}"
+    );
 }

@@ -85,6 +85,19 @@ fn materials_become_the_nearest_models() {
         (m.k.x * 1.5 - 3.27).abs() < 0.01 && notes.contains("coat"),
         "{notes}"
     );
+    let (m, notes) = material(
+        "Material \"diffusetransmission\" \"rgb reflectance\" [0.2 0.4 0.8] \"float scale\" 0.5",
+        false,
+    );
+    assert_eq!(
+        (m.model, m.base_color, m.transmittance),
+        (
+            Model::Translucent,
+            Vec3::new(0.1, 0.2, 0.4),
+            Vec3::splat(0.125)
+        )
+    );
+    assert!(notes.is_empty(), "{notes}");
     let (m, notes) = material("Material \"interface\"", false);
     assert!(m.thin && m.ior == 1.0 && notes.is_empty());
     let (m, notes) = material("Material \"hair\" \"rgb reflectance\" [0.5 0.25 0]", false);
@@ -129,6 +142,19 @@ fn materials_of_version_3_become_the_nearest_models() {
     assert_eq!((m.ior, m.base_color.x, m.roughness), (1.3, 0.25, 0.0));
     let (m, notes) = material("Material \"substrate\" \"rgb Ks\" [0.04 0.04 0.04]", true);
     assert!((m.ior - 1.5).abs() < 1e-6 && m.specular == Vec3::ONE && notes.contains("Ashikhmin"));
+    let (m, notes) = material(
+        "Material \"translucent\" \"rgb Kd\" [0.8 0.4 0.2] \"rgb reflect\" [0.25 0.25 0.25]",
+        true,
+    );
+    assert_eq!(
+        (m.model, m.base_color, m.transmittance),
+        (
+            Model::Translucent,
+            Vec3::new(0.2, 0.1, 0.05),
+            Vec3::new(0.4, 0.2, 0.1)
+        )
+    );
+    assert!(notes.contains("glossy lobes"), "{notes}");
     let curtain = "Material \"uber\" \"rgb Ks\" [0 0 0] \"rgb opacity\" [0.5 0.5 0.5]";
     let (m, notes) = material(curtain, true);
     assert_eq!((m.model, m.mask_mode), (Model::Lambert, MaskMode::Blend));

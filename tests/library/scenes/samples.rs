@@ -130,7 +130,7 @@ pub const MITSUBA: &str = r##"<scene version="3.0.0"><default name="spp" value="
 /// The other plugins of Mitsuba's XML.
 const MITSUBA_MORE: &str = r#"<scene version="0.6.0"><include filename="i.xml"/>
 <bsdf type="Composed" id="c"><bsdf type="Separable"><bsdf type="diffuse"><texture name="reflectance" type="bitmap"><string name="filename" value="t.png"/><boolean name="raw" value="true"/></texture></bsdf>
-<TemporalProfile type="PosEpanTP"><float name="mean" value="0.5"/><float name="sigma" value="0.2"/></TemporalProfile></bsdf><bsdf type="dielectric"/><float name="weight" value="0.5"/></bsdf>
+<TemporalProfile type="PosEpanTP"><float name="mean" value="0.5"/><float name="sigma" value="0.2"/></TemporalProfile></bsdf><bsdf type="difftrans"><rgb name="transmittance" value="0.2"/></bsdf><float name="weight" value="0.5"/></bsdf>
 <bsdf type="principled" id="p"><rgb name="base_color" value="0.1 0.2 0.3"/><float name="roughness" value="0.4"/><float name="spec_trans" value="0.5"/></bsdf>
 <bsdf type="normalmap" id="n"><texture name="normalmap" type="bitmap"><string name="filename" value="t.png"/></texture><bsdf type="plastic"/></bsdf>
 <shape type="ply"><string name="filename" value="m.ply"/><ref id="n"/><transform name="toWorld"><rotate y="1" angle="$turn"/><matrix value="1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1"/></transform></shape>
@@ -174,7 +174,7 @@ MakeNamedMaterial "m" "string type" "mix" "string materials" [ "a" "b" ] "textur
 NamedMaterial "m"
 Shape "plymesh" "string filename" "m.ply"
 ObjectBegin "o"
-  Material "diffuse" "texture reflectance" "c"
+  Material "diffusetransmission" "texture reflectance" "c" "texture transmittance" "c" "float scale" 0.5
   Translate 1 0 0
   Shape "sphere" "float radius" 0.5 "float zmax" 0.4
   Shape "disk" "float alpha" 0.5

@@ -61,9 +61,9 @@ pub(super) fn principled(m: &MaterialDesc) -> Vec<String> {
 pub(super) const PBRT_BUMPS: &str = "slopes of height maps are differences over one texel here and \
                                      over half a pixel in pbrt: steep maps of few texels differ";
 
-/// Surfaces that transmit light diffusely.
-pub(super) const DIFFUSE_TRANSMISSION: &str =
-    "diffuse transmission is not supported: what is transmitted is lost";
+/// Rough diffuse surfaces.
+pub(super) const ROUGH_DIFFUSE: &str =
+    "the roughness of a diffuse surface is not supported; its albedo is the same within 8 %";
 
 /// A coat over a conductor.
 pub(super) const COATED_CONDUCTOR: &str = "a coated conductor is the conductor alone here, with \

@@ -7,6 +7,7 @@ const uint MODEL_LAMBERT = 1u;
 const uint MODEL_CONDUCTOR = 2u;
 const uint MODEL_PLASTIC = 3u;
 const uint MODEL_DIELECTRIC = 4u;
+const uint MODEL_TRANSLUCENT = 5u;
 const uint DISTRIBUTION_GGX = 0u;
 const uint DISTRIBUTION_BECKMANN = 1u;
 const uint MASK_THRESHOLD = 0u;
@@ -87,6 +88,7 @@ struct Material {
     float roughness; // Perceptual roughness of the surface.
     float metallic; // 0 dielectric to 1 metal.
     float opacity; // 1 opaque to 0 refractive.
+    vec3 transmittance; // Share of the light that MODEL_TRANSLUCENT transmits.
     float ior; // Index of refraction relative to the outside.
     float subsurface; // Fraction of the flatter diffuse lobe.
     float specular_tint; // Hue in the dielectric's reflectance at normal incidence.
@@ -109,6 +111,7 @@ struct Material {
     uint roughness_texture; // Texture whose red channel replaces `roughness`, or NONE.
     uint metallic_texture; // Texture whose red channel replaces `metallic`, or NONE.
     uint opacity_texture; // Texture whose red channel replaces `opacity`, or NONE.
+    uint transmittance_texture; // Texture that multiplies `transmittance`, or NONE.
     uint anisotropic_texture; // Texture of directions in the tangent frame, or NONE.
     uint normal_texture; // Normal map, or NONE.
     uint bump_texture; // Texture whose red channel is a height, or NONE.

@@ -4,7 +4,7 @@
 // SAMPLER_INDEPENDENT, SAMPLER_SOBOL, or SAMPLER_ZSOBOL plus the binary logarithm of a block.
 layout(constant_id = 0) const uint SAMPLER_KIND = 0u;
 // Bit mask of the material models of the scene.
-layout(constant_id = 1) const uint MODELS = 31u;
+layout(constant_id = 1) const uint MODELS = 63u;
 // Maximum number of stored vertices of each subpath of a bidirectional integrator.
 layout(constant_id = 2) const uint MAX_DEPTH = 8u;
 // Whether the film has layers.

@@ -125,6 +125,7 @@ pub const CONSTANTS: &[(&str, u32)] = &[
     ("MODEL_CONDUCTOR", 2),
     ("MODEL_PLASTIC", 3),
     ("MODEL_DIELECTRIC", 4),
+    ("MODEL_TRANSLUCENT", 5),
     ("DISTRIBUTION_GGX", 0),
     ("DISTRIBUTION_BECKMANN", 1),
     ("MASK_THRESHOLD", 0),

@@ -67,6 +67,8 @@ super::gpu_structs! {
         metallic: f32,
         /// 1 opaque to 0 refractive.
         opacity: f32,
+        /// Share of the light that MODEL_TRANSLUCENT transmits.
+        transmittance: [f32; 3],
         /// Index of refraction relative to the outside.
         ior: f32,
         /// Fraction of the flatter diffuse lobe.
@@ -111,6 +113,8 @@ super::gpu_structs! {
         metallic_texture: u32,
         /// Texture whose red channel replaces `opacity`, or NONE.
         opacity_texture: u32,
+        /// Texture that multiplies `transmittance`, or NONE.
+        transmittance_texture: u32,
         /// Texture of directions in the tangent frame, or NONE.
         anisotropic_texture: u32,
         /// Normal map, or NONE.

@@ -53,7 +53,7 @@ specialization! {
     /// SAMPLER_INDEPENDENT, SAMPLER_SOBOL, or SAMPLER_ZSOBOL plus the binary logarithm of a block.
     sampler_kind: "SAMPLER_KIND" "uint" false = 0,
     /// Bit mask of the material models of the scene.
-    models: "MODELS" "uint" false = 31,
+    models: "MODELS" "uint" false = 63,
     /// Maximum number of stored vertices of each subpath of a bidirectional integrator.
     max_depth: "MAX_DEPTH" "uint" false = 8,
     /// Whether the film has layers.

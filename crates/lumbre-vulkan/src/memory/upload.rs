@@ -28,6 +28,7 @@ pub const MODELS: &[Model] = &[
     Model::Conductor,
     Model::Plastic,
     Model::Dielectric,
+    Model::Translucent,
 ];
 
 /// Returns the models of a scene as a bit mask of their numbers in GLSL.
@@ -292,6 +293,7 @@ fn material(m: &compile::Material) -> layout::Material {
         roughness: m.roughness,
         metallic: m.metallic,
         opacity: m.opacity,
+        transmittance: m.transmittance.into(),
         ior: m.ior,
         subsurface: m.subsurface,
         specular_tint: m.specular_tint,
@@ -317,6 +319,7 @@ fn material(m: &compile::Material) -> layout::Material {
         roughness_texture: m.roughness_texture,
         metallic_texture: m.metallic_texture,
         opacity_texture: m.opacity_texture,
+        transmittance_texture: m.transmittance_texture,
         anisotropic_texture: m.anisotropic_texture,
         normal_texture: m.normal_texture,
         bump_texture: m.bump_texture,

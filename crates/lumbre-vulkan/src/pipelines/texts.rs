@@ -60,6 +60,7 @@ embed![
     "transport/bsdf/mirror.glsl",
     "transport/bsdf/mod.glsl",
     "transport/bsdf/plastic.glsl",
+    "transport/bsdf/translucent.glsl",
     "transport/camera/filter.glsl",
     "transport/camera/lens.glsl",
     "transport/camera/orthographic.glsl",

@@ -15,10 +15,43 @@ import sys
 replies = os.fdopen(os.dup(1), "w")
 os.dup2(2, 1)
 
+import drjit as dr
 import mitsuba as mi
 
 mi.set_variant(sys.argv[1])
 mi.set_log_level(mi.LogLevel.Error)
+
+
+class DiffuseTransmitter(mi.BSDF):
+    """The plugin `difftrans` of version 0.6, which version 3 lacks: ideal diffuse transmission."""
+
+    def __init__(self, props):
+        mi.BSDF.__init__(self, props)
+        self.transmittance = mi.Color3f(props["transmittance"])
+        self.m_flags = mi.BSDFFlags.DiffuseTransmission | mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
+        self.m_components = [self.m_flags]
+
+    def sample(self, context, si, sample1, sample2, active=True):
+        wo = mi.warp.square_to_cosine_hemisphere(sample2)
+        s = mi.BSDFSample3f()
+        s.pdf = mi.warp.square_to_cosine_hemisphere_pdf(wo)
+        s.wo = mi.Vector3f(wo.x, wo.y, dr.select(si.wi.z > 0, -wo.z, wo.z))
+        s.eta = 1
+        s.sampled_type = mi.UInt32(+mi.BSDFFlags.DiffuseTransmission)
+        s.sampled_component = 0
+        return s, dr.select(active & (si.wi.z != 0) & (s.pdf > 0), self.transmittance, 0)
+
+    def eval(self, context, si, wo, active=True):
+        return self.transmittance * self.pdf(context, si, wo, active)
+
+    def pdf(self, context, si, wo, active=True):
+        return dr.select(active & (si.wi.z * wo.z < 0), dr.abs(wo.z) / dr.pi, 0)
+
+    def eval_pdf(self, context, si, wo, active=True):
+        return self.eval(context, si, wo, active), self.pdf(context, si, wo, active)
+
+
+mi.register_bsdf("difftrans", DiffuseTransmitter)
 
 
 def reply(text):

@@ -97,7 +97,8 @@ fn introduction(report: &Report) -> String {
             "--page FILE",
             format!(
                 "The scenes are small pictures of one object with the given parameters, and paths have \
-                 at most {} edges",
+                 at most {} edges.\nThe plugin `difftrans` of version 0.6, which version 3 lacks, is \
+                 defined in Python for them",
                 super::cases::MAX_DEPTH
             ),
         )

@@ -72,7 +72,11 @@ fn check(m: &MaterialDesc) -> Result<(), SchemaError> {
 fn compile_material(m: &MaterialDesc, bank: &mut TextureBank, notes: &mut Vec<Note>) -> Material {
     let emits = m.emission != Vec3::ZERO;
     let reflects = !emits || m.emitter_reflects;
+    let mixes = reflects && m.model != Model::Translucent;
     let smooth = m.shading_normals == ShadingNormals::Smooth;
+    if m.model == Model::Translucent && (m.base_color + m.transmittance).max_element() > 1.0 {
+        notes.extend(excess_note(m));
+    }
     let mut texture = |slot: TextureSlot, used: bool| {
         if used {
             bank.index(m, slot, notes)
@@ -86,6 +90,7 @@ fn compile_material(m: &MaterialDesc, bank: &mut TextureBank, notes: &mut Vec<No
         roughness: m.roughness,
         metallic: m.metallic,
         opacity: m.opacity,
+        transmittance: m.transmittance,
         ior: m.ior,
         model: m.model,
         subsurface: m.subsurface,
@@ -102,17 +107,22 @@ fn compile_material(m: &MaterialDesc, bank: &mut TextureBank, notes: &mut Vec<No
         bump_height: m.bump_height,
         mask_threshold: m.mask_threshold,
         mask_mode: m.mask_mode,
-        shadow_terminator: m.shadow_terminator && smooth,
+        // A path that continues on the other side would hit the surface again.
+        shadow_terminator: m.shadow_terminator && smooth && m.model != Model::Translucent,
         flat_normals: !smooth,
         base_color_texture: texture(TextureSlot::BaseColor, reflects),
         emission_texture: texture(TextureSlot::Emission, emits),
         mask_texture: texture(TextureSlot::Mask, true),
         roughness_texture: texture(
             TextureSlot::Roughness,
-            reflects && m.model != Model::Lambert,
+            reflects && m.model.has_microfacets(),
         ),
-        metallic_texture: texture(TextureSlot::Metallic, reflects),
-        opacity_texture: texture(TextureSlot::Opacity, reflects),
+        metallic_texture: texture(TextureSlot::Metallic, mixes),
+        opacity_texture: texture(TextureSlot::Opacity, mixes),
+        transmittance_texture: texture(
+            TextureSlot::Transmittance,
+            reflects && m.model == Model::Translucent,
+        ),
         anisotropic_texture: texture(
             TextureSlot::AnisotropicDirection,
             reflects && m.anisotropic > 0.0,
@@ -132,6 +142,21 @@ fn compile_material(m: &MaterialDesc, bank: &mut TextureBank, notes: &mut Vec<No
         emitter_reflects: reflects,
         interface: compile_interface(m),
     }
+}
+
+/// Returns the note about a sheet that returns more light than it receives; `None` if textures may
+/// keep the sum below 1.
+fn excess_note(m: &MaterialDesc) -> Option<Note> {
+    let slots = [TextureSlot::BaseColor, TextureSlot::Transmittance];
+    let textured = slots.iter().any(|slot| m.texture(*slot).is_some());
+    (!textured).then(|| Note {
+        file: Default::default(),
+        place: format!("materials.{}", m.name),
+        message:
+            "`base_color` and `transmittance` add up to more than 1: the sheet returns more light \
+                  than it receives"
+                .to_owned(),
+    })
 }
 
 fn compile_interface(m: &MaterialDesc) -> Interface {
@@ -363,6 +388,28 @@ mod tests {
             r.normal_texture,
         ];
         assert_eq!(used, [0; 5]);
+    }
+
+    #[test]
+    fn a_sheet_that_returns_more_light_than_it_receives_is_noted() {
+        let notes = |base_color: f32, transmittance: f32, model| {
+            let sheet = MaterialDesc {
+                base_color: Vec3::splat(base_color),
+                transmittance: Vec3::new(0.0, transmittance, 0.0),
+                model,
+                ..MaterialDesc::new("paper")
+            };
+            let mut notes = Vec::new();
+            compile(&scene(vec![sheet]), &mut notes).unwrap();
+            notes.iter().map(Note::to_string).collect::<Vec<_>>()
+        };
+        assert!(notes(0.5, 0.5, Model::Translucent).is_empty());
+        assert!(notes(0.5, 0.6, Model::Lambert).is_empty());
+        let all = notes(0.5, 0.6, Model::Translucent);
+        assert!(
+            all.len() == 1 && all[0].starts_with("materials.paper:"),
+            "{all:?}"
+        );
     }
 
     #[test]

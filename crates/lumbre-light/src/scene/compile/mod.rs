@@ -138,6 +138,8 @@ pub struct Material {
     pub metallic: f32,
     /// 1 opaque to 0 refractive.
     pub opacity: f32,
+    /// Share of the light that the model `translucent` transmits, by channel.
+    pub transmittance: Vec3,
     /// Index of refraction relative to the outside.
     pub ior: f32,
     /// Share of the flatter, subsurface-like diffuse lobe.
@@ -185,6 +187,8 @@ pub struct Material {
     pub metallic_texture: u32,
     /// Texture whose red channel replaces `opacity`, or [`NONE`].
     pub opacity_texture: u32,
+    /// Texture that multiplies `transmittance`, or [`NONE`].
+    pub transmittance_texture: u32,
     /// Texture of directions in the tangent frame that replaces `anisotropic_direction`, or
     /// [`NONE`].
     pub anisotropic_texture: u32,
@@ -246,7 +250,7 @@ pub struct Emitter {
 impl Material {
     /// Returns whether shading needs tangents.
     pub fn uses_tangents(&self) -> bool {
-        self.normal_texture != NONE || (self.model != Model::Lambert && self.anisotropic > 0.0)
+        self.normal_texture != NONE || (self.model.has_microfacets() && self.anisotropic > 0.0)
     }
 }
 

@@ -88,6 +88,8 @@ pub struct MaterialDesc {
     pub texture_filter: FilterChoice,
     /// Normals with which the surface is shaded.
     pub shading_normals: ShadingNormals,
+    /// Albedo of the transmission of the model `translucent`, linear.
+    pub transmittance: Vec3,
     /// Whether an emitting surface also reflects: false in `.scn` files, true in Lumbre's own
     /// scenes.
     pub emitter_reflects: bool,
@@ -138,6 +140,7 @@ impl MaterialDesc {
             lookups: Vec::new(),
             texture_filter: FilterChoice::Given,
             shading_normals: ShadingNormals::Smooth,
+            transmittance: Vec3::ZERO,
             emitter_reflects: true,
             delay: DelayDesc::default(),
             parts: Vec::new(),

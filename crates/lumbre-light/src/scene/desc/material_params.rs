@@ -157,7 +157,7 @@ pub const MIN_IOR: f64 = 0.01;
 /// content hash.
 pub const MATERIAL_PARAMS: &[MaterialParam] = &{
     const LATER: usize = SURFACE.len() + DELAY_PARAMS.len();
-    let mut params = [BUMP_HEIGHT; LATER + 4];
+    let mut params = [BUMP_HEIGHT; LATER + 5];
     let mut i = 0;
     while i < LATER {
         params[i] = if i < SURFACE.len() {
@@ -170,6 +170,7 @@ pub const MATERIAL_PARAMS: &[MaterialParam] = &{
     params[LATER + 1] = ONE_SIDED;
     params[LATER + 2] = TEXTURE_FILTER;
     params[LATER + 3] = SHADING_NORMALS;
+    params[LATER + 4] = TRANSMITTANCE;
     params
 };
 
@@ -210,6 +211,21 @@ const SHADING_NORMALS: MaterialParam = choice!(
     "`smooth` shades with the interpolated normals of the vertices and with normal and bump maps, \
      `flat` with the normal of each triangle alone, which also leaves the shadow terminator \
      without effect."
+);
+
+/// Parameter of the model `translucent`.
+const TRANSMITTANCE: MaterialParam = vector!(
+    transmittance,
+    "transmittance",
+    3,
+    0.0,
+    1.0,
+    "transmittancetexture",
+    Some(TextureSlot::Transmittance),
+    "",
+    "Share of the light that the model `translucent` transmits, in all directions of the other side \
+     alike; linear. The base colour is the share that it reflects, and the sum of both should not \
+     exceed 1. A texture multiplies it."
 );
 
 /// Parameters of the surface's scattering; [`DELAY_PARAMS`] holds those of delays and compositions.
@@ -353,7 +369,9 @@ pub(super) const SURFACE: &[MaterialParam] = &[
          lobes have no effect. `conductor` is a metal of the index `eta` + i `k`, `plastic` a \
          diffuse base of the base colour under an interface of index `ior`, `dielectric` glass of \
          that index; of the other parameters, these three use roughness, anisotropy, \
-         `distribution` and `specular`."
+         `distribution` and `specular`. `translucent` is a thin diffuse sheet such as paper or a \
+         leaf, the same on both sides: it reflects by the base colour and transmits by \
+         `transmittance`, its only parameters."
     ),
     vector!(
         specular,

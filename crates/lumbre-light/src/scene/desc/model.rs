@@ -20,21 +20,36 @@ pub enum Model {
     /// Glass of index `ior`, or a thin pane of it. Transmission is tinted by the square root of the
     /// base colour.
     Dielectric,
+    /// A thin diffuse sheet, such as paper, cloth or a leaf: it reflects by the base colour, and
+    /// transmits by `transmittance`.
+    Translucent,
 }
 
 impl Model {
     /// Every model, in the order of [`Model::NAMES`].
-    pub const ALL: [Model; 5] = [
+    pub const ALL: [Model; 6] = [
         Model::Disney,
         Model::Lambert,
         Model::Conductor,
         Model::Plastic,
         Model::Dielectric,
+        Model::Translucent,
     ];
 
     /// Names of the models in scripts and scene files.
-    pub const NAMES: &'static [&'static str] =
-        &["disney", "lambert", "conductor", "plastic", "dielectric"];
+    pub const NAMES: &'static [&'static str] = &[
+        "disney",
+        "lambert",
+        "conductor",
+        "plastic",
+        "dielectric",
+        "translucent",
+    ];
+
+    /// Returns whether roughness and anisotropy have an effect.
+    pub fn has_microfacets(self) -> bool {
+        !matches!(self, Model::Lambert | Model::Translucent)
+    }
 
     /// Returns the name of the model.
     pub fn name(self) -> &'static str {

@@ -32,11 +32,13 @@ pub enum TextureSlot {
     Bump,
     /// Weight of the second of two parts: the red channel replaces the weights; linear.
     Weights,
+    /// Multiplies the transmittance; sRGB.
+    Transmittance,
 }
 
 impl TextureSlot {
     /// Every slot, in declaration order.
-    pub const ALL: [TextureSlot; 14] = [
+    pub const ALL: [TextureSlot; 15] = [
         TextureSlot::BaseColor,
         TextureSlot::Emission,
         TextureSlot::Mask,
@@ -51,6 +53,7 @@ impl TextureSlot {
         TextureSlot::DelayWidth,
         TextureSlot::Bump,
         TextureSlot::Weights,
+        TextureSlot::Transmittance,
     ];
 
     /// Returns the slot's name in scripts: `set = { ["materials.NAME.<name>"] = FILE }`.
@@ -70,6 +73,7 @@ impl TextureSlot {
             TextureSlot::DelayWidth => "delay_width_texture",
             TextureSlot::Bump => "bump_texture",
             TextureSlot::Weights => "weights_texture",
+            TextureSlot::Transmittance => "transmittance_texture",
         }
     }
 
@@ -82,6 +86,9 @@ impl TextureSlot {
 
     /// Returns whether 8-bit texels of this slot are decoded from sRGB; data textures never are.
     pub fn is_srgb(self) -> bool {
-        matches!(self, TextureSlot::BaseColor | TextureSlot::Emission)
+        matches!(
+            self,
+            TextureSlot::BaseColor | TextureSlot::Emission | TextureSlot::Transmittance
+        )
     }
 }

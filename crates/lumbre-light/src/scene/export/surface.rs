@@ -5,6 +5,7 @@
 //! | `disney` | `principled`, with `spec_trans` = 1 - opacity |
 //! | `lambert` | `diffuse`, `conductor` without an index, `dielectric`, blended by weights |
 //! | `conductor`, `plastic`, `dielectric` | the plugins of these names; rough from `smooth_below` |
+//! | `translucent` | `diffuse`, since no plugin transmits diffusely |
 //!
 //! The weights of `lambert` are `metallic` and opacity. Opaque surfaces are enclosed in `twosided`,
 //! those with normal maps in `normalmap`, with bump maps in `bumpmap`, with masks in `mask`.
@@ -184,6 +185,8 @@ impl SurfaceWriter<'_> {
             Model::Disney | Model::Lambert => !glass,
             Model::Conductor | Model::Plastic => true,
             Model::Dielectric => false,
+            // It is written as a diffuse surface.
+            Model::Translucent => true,
         }
     }
 
@@ -192,7 +195,7 @@ impl SurfaceWriter<'_> {
         let m = self.material;
         let has_direction = m.anisotropic_direction != Vec3::ZERO
             || m.texture(TextureSlot::AnisotropicDirection).is_some();
-        if m.anisotropic > 0.0 && m.model != Model::Lambert && has_direction {
+        if m.anisotropic > 0.0 && m.model.has_microfacets() && has_direction {
             self.note("anisotropy directions are not supported by Mitsuba; increasing u is used");
         }
         match m.model {
@@ -214,6 +217,16 @@ impl SurfaceWriter<'_> {
                 self.facets(true)?;
             }
             Model::Plastic => self.plastic(id)?,
+            Model::Translucent => {
+                self.open("diffuse", id);
+                self.color("reflectance", m.base_color, TexelConversion::Color)?;
+                if m.transmittance != Vec3::ZERO {
+                    self.note(
+                        "diffuse transmission is not supported by Mitsuba 3; what is transmitted is \
+                         lost",
+                    );
+                }
+            }
             Model::Dielectric => {
                 let rough = self.is_rough() && !m.thin && m.ior != 1.0;
                 let kind = match (m.thin, rough) {

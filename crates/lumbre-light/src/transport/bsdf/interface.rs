@@ -47,7 +47,7 @@ pub struct InterfaceOutgoing<V: Vector = Vec3> {
 
 impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> InterfaceBsdf<V> {
     /// Builds the BSDF of materials whose textures give this base colour and roughness; `None` for
-    /// the models `disney` and `lambert`.
+    /// the other models.
     #[inline(always)]
     pub fn new(
         class: &BsdfClass,
@@ -61,7 +61,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> InterfaceBsdf<V> {
             smooth: !roughness.ge(m.smooth_below),
         };
         match class.model {
-            Model::Disney | Model::Lambert => None,
+            Model::Disney | Model::Lambert | Model::Translucent => None,
             Model::Conductor => Some(InterfaceBsdf::Conductor(Conductor {
                 tint: base_color * m.specular,
                 eta: m.eta,

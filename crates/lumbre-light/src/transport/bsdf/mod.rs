@@ -9,6 +9,8 @@
 //!
 //! Reflection of dielectrics is exact Fresnel in the model `disney`.
 //!
+//! The model `translucent` reflects and transmits diffusely ([`translucent`]).
+//!
 //! The models `conductor`, `plastic` and `dielectric` are single interfaces with microfacets of
 //! either distribution, as in other renderers ([`interface`]).
 //!
@@ -60,6 +62,7 @@ mod model;
 mod packed;
 pub mod plastic;
 mod scalar;
+pub mod translucent;
 
 pub use lobe::{LobeSample, MixtureSample, TransportMode};
 pub use material::{BsdfClass, MaterialConstants};

@@ -4,6 +4,7 @@ use super::disney::{Disney, DisneyOutgoing};
 use super::ideal::Ideal;
 use super::interface::{InterfaceBsdf, InterfaceOutgoing};
 use super::material::{BsdfClass, MaterialConstants};
+use super::translucent::Translucent;
 use super::{MixtureSample, Outgoing, TransportMode};
 use crate::math::Frame;
 use crate::math::real::{Mask, Real, Vector};
@@ -14,6 +15,7 @@ use crate::transport::surface::ShadingParameters;
 #[derive(Clone, Copy, Debug)]
 pub(super) enum BsdfModel<V: Vector> {
     Ideal(Ideal<V>),
+    Translucent(Translucent<V>),
     Disney(Disney<V>),
     Interface(InterfaceBsdf<V>),
 }
@@ -26,6 +28,9 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> BsdfModel<V> {
         m: &MaterialConstants<V>,
         p: &ShadingParameters<R>,
     ) -> BsdfModel<V> {
+        if class.model == Model::Translucent {
+            return BsdfModel::Translucent(Translucent::new(p.base_color, p.transmittance()));
+        }
         let (zero, one) = (R::splat(0.0), R::splat(1.0));
         let dielectric = one - p.metallic;
         let mix = [
@@ -56,7 +61,9 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> BsdfModel<V> {
     #[inline(always)]
     pub fn outgoing(&self, local: V) -> (DisneyOutgoing<V>, InterfaceOutgoing<V>) {
         match self {
-            BsdfModel::Ideal(_) => (DisneyOutgoing::none(), InterfaceOutgoing::none()),
+            BsdfModel::Ideal(_) | BsdfModel::Translucent(_) => {
+                (DisneyOutgoing::none(), InterfaceOutgoing::none())
+            }
             BsdfModel::Disney(k) => (k.outgoing(local), InterfaceOutgoing::none()),
             BsdfModel::Interface(k) => (DisneyOutgoing::none(), k.outgoing(local)),
         }
@@ -67,6 +74,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> BsdfModel<V> {
     pub fn eval(&self, o: V, i: V, mode: TransportMode) -> V {
         match self {
             BsdfModel::Ideal(k) => k.eval(o, i),
+            BsdfModel::Translucent(k) => k.eval(o, i),
             BsdfModel::Disney(k) => k.eval(o, i, mode),
             BsdfModel::Interface(k) => k.eval(o, i, mode),
         }
@@ -77,6 +85,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> BsdfModel<V> {
     pub fn pdf_w(&self, o: V, i: V) -> R {
         match self {
             BsdfModel::Ideal(k) => k.pdf_w(o, i),
+            BsdfModel::Translucent(k) => k.pdf_w(o, i),
             BsdfModel::Disney(k) => k.pdf_w(o, i),
             BsdfModel::Interface(k) => k.pdf_w(o, i),
         }
@@ -96,6 +105,15 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> BsdfModel<V> {
     ) -> (V, [R; 2]) {
         match self {
             BsdfModel::Ideal(k) => {
+                let (o, i) = (out.local, frame.to_local(wi));
+                let reverse = if REVERSE {
+                    k.pdf_w(i, o)
+                } else {
+                    R::splat(0.0)
+                };
+                (k.eval(o, i), [k.pdf_w(o, i), reverse])
+            }
+            BsdfModel::Translucent(k) => {
                 let (o, i) = (out.local, frame.to_local(wi));
                 let reverse = if REVERSE {
                     k.pdf_w(i, o)
@@ -135,6 +153,15 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> BsdfModel<V> {
                 };
                 (some, s, reverse)
             }
+            BsdfModel::Translucent(k) => {
+                let (some, s) = k.sample(out.local, u, v);
+                let reverse = if REVERSE {
+                    k.pdf_w(s.sample.wi, out.local)
+                } else {
+                    R::splat(0.0)
+                };
+                (some, s, reverse)
+            }
             BsdfModel::Disney(k) => k.sample::<REVERSE>(&out.disney, u, v, mode),
             BsdfModel::Interface(k) => k.sample::<REVERSE>(&out.interface, u, v, mode),
         }
@@ -152,6 +179,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> BsdfModel<V> {
     pub fn index_inside(&self) -> R {
         match self {
             BsdfModel::Ideal(k) => k.ior,
+            BsdfModel::Translucent(_) => R::splat(1.0),
             BsdfModel::Disney(k) => k.ior,
             BsdfModel::Interface(k) => k.index_inside(),
         }
@@ -162,6 +190,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> BsdfModel<V> {
     pub fn has_density(&self) -> R::Mask {
         match self {
             BsdfModel::Ideal(k) => k.mix[0].gt(R::splat(0.0)),
+            BsdfModel::Translucent(k) => k.has_density(),
             BsdfModel::Disney(k) => k.has_density(),
             BsdfModel::Interface(k) => k.has_density(),
         }
@@ -173,6 +202,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> BsdfModel<V> {
         let zero = R::splat(0.0);
         match self {
             BsdfModel::Ideal(k) => k.mix[1].gt(zero) | k.mix[2].gt(zero),
+            BsdfModel::Translucent(_) => R::Mask::splat(false),
             BsdfModel::Disney(k) => {
                 k.smooth & (k.opaque.gt(zero) | k.metallic.gt(zero))
                     | k.refractive.gt(zero) & k.smooth_glass()
@@ -187,6 +217,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> BsdfModel<V> {
         let zero = R::splat(0.0);
         match self {
             BsdfModel::Ideal(k) => k.mix[2].gt(zero),
+            BsdfModel::Translucent(k) => k.transmits(),
             BsdfModel::Disney(k) => k.refractive.gt(zero),
             BsdfModel::Interface(k) => R::Mask::splat(matches!(k, InterfaceBsdf::Glass(_))),
         }

@@ -14,6 +14,7 @@ use super::interface::InterfaceBsdf;
 use super::material::{BsdfClass, MaterialConstants};
 use super::model::BsdfModel;
 use super::plastic::Plastic;
+use super::translucent::Translucent;
 use super::{Bsdf, Orientation};
 use crate::math::real::{Mask, Outlined, Real, Vector};
 use crate::math::simd::{F32x8, Lanes, map_array};
@@ -55,13 +56,7 @@ impl PackedBsdf {
     pub fn new(m: &Material, tinted: bool) -> PackedBsdf {
         let varies = tinted || TexturedParameters::new(m).any();
         let (class, constants) = (BsdfClass::of(m), MaterialConstants::new(m));
-        let values = ShadingParameters {
-            base_color: m.base_color,
-            roughness: m.roughness,
-            metallic: m.metallic,
-            opacity: m.opacity,
-        };
-        let model = BsdfModel::new(&class, &constants, &values);
+        let model = BsdfModel::new(&class, &constants, &ShadingParameters::of(m));
         let mut class = PackedClass {
             bsdf: class,
             varies,
@@ -200,6 +195,11 @@ fn load_constants<R: Real>(n: &[R; NUMBERS]) -> MaterialConstants<R::Vec3> {
 fn model_numbers(model: &BsdfModel<Vec3>) -> [f32; NUMBERS] {
     match model {
         BsdfModel::Ideal(k) => concatenated(&[k.base_color.as_ref(), &k.mix, &[k.ior]]),
+        BsdfModel::Translucent(k) => concatenated(&[
+            k.reflectance.as_ref(),
+            k.transmittance.as_ref(),
+            &[k.reflects],
+        ]),
         BsdfModel::Disney(k) => disney_numbers(k),
         BsdfModel::Interface(InterfaceBsdf::Conductor(k)) => concatenated(&[
             &k.facets.alpha,
@@ -263,6 +263,11 @@ fn load_model<R: Real>(class: &PackedClass, n: &[R; NUMBERS]) -> BsdfModel<R::Ve
             mix: [n[3], n[4], n[5]],
             ior: n[6],
             one_sided: class.bsdf.one_sided,
+        }),
+        Model::Translucent => BsdfModel::Translucent(Translucent {
+            reflectance: vector(n, 0),
+            transmittance: vector(n, 3),
+            reflects: n[6],
         }),
         Model::Conductor => BsdfModel::Interface(InterfaceBsdf::Conductor(Conductor {
             tint: vector(n, 2),
@@ -337,6 +342,7 @@ fn model_lobes(model: &BsdfModel<Vec3>) -> (bool, [bool; 7]) {
             let [a, b, c] = k.mix.map(|weight| weight > 0.0);
             (false, [a, b, c, false, false, false, false])
         }
+        BsdfModel::Translucent(_) => (false, [false; 7]),
         BsdfModel::Disney(k) => {
             let weights = [
                 k.opaque,
@@ -356,7 +362,7 @@ fn model_lobes(model: &BsdfModel<Vec3>) -> (bool, [bool; 7]) {
 /// Returns whether the microfacets of a BSDF are anisotropic.
 fn is_anisotropic(model: &BsdfModel<Vec3>) -> bool {
     let [x, y] = match model {
-        BsdfModel::Ideal(_) => return false,
+        BsdfModel::Ideal(_) | BsdfModel::Translucent(_) => return false,
         BsdfModel::Disney(k) => k.ggx.alpha,
         BsdfModel::Interface(k) => k.facets().alpha,
     };

@@ -3,9 +3,11 @@
 use super::{Surface, TexturedParameters, load_vectors, lookup_in_lanes};
 use crate::math::real::{Outlined, Real, Vector};
 use crate::math::simd::{Lanes, map_array};
-use crate::scene::compile::{Material, Texture};
+use crate::scene::compile::{Material, Model, Texture};
 
-/// The parameters of a material that textures may vary, at a point in each lane.
+/// The parameters of a material that textures may vary, at a point in each lane. Those of a
+/// `translucent` material are its base colour and its [`transmittance`](Self::transmittance), which is
+/// stored in place of the three numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShadingParameters<R: Real = f32> {
     /// Base colour, linear: that of the material times the tint of the surface and its texture.
@@ -18,7 +20,39 @@ pub struct ShadingParameters<R: Real = f32> {
     pub opacity: R,
 }
 
+impl ShadingParameters {
+    /// Returns the parameters of a material without textures.
+    pub fn of(m: &Material) -> ShadingParameters {
+        if m.model == Model::Translucent {
+            return ShadingParameters::translucent(m.base_color, m.transmittance);
+        }
+        ShadingParameters {
+            base_color: m.base_color,
+            roughness: m.roughness,
+            metallic: m.metallic,
+            opacity: m.opacity,
+        }
+    }
+}
+
 impl<R: Real> ShadingParameters<R> {
+    /// Returns the parameters of a translucent material.
+    #[inline(always)]
+    fn translucent(base_color: R::Vec3, transmittance: R::Vec3) -> ShadingParameters<R> {
+        ShadingParameters {
+            base_color,
+            roughness: transmittance.x(),
+            metallic: transmittance.y(),
+            opacity: transmittance.z(),
+        }
+    }
+
+    /// Returns the share of the light that a translucent material transmits, by channel.
+    #[inline(always)]
+    pub fn transmittance(&self) -> R::Vec3 {
+        R::Vec3::new(self.roughness, self.metallic, self.opacity)
+    }
+
     /// Looks up the parameters that have textures, the same in all lanes; the others are those of
     /// the materials.
     #[inline(always)]
@@ -52,6 +86,12 @@ impl<R: Real> ShadingParameters<R> {
         } else {
             surface.plain_color()
         };
+        if textured.translucent {
+            let transmittance =
+                load_vectors::<R, N>(map_array(surface.materials, |m| m.transmittance));
+            let texels = surface.texels(textures, |m| m.transmittance_texture);
+            return ShadingParameters::translucent(base_color, transmittance * texels);
+        }
         let mut roughness = R::load(&map_array(surface.materials, |m| m.roughness));
         if textured.roughness {
             roughness = surface.texels(textures, |m| m.roughness_texture).x();

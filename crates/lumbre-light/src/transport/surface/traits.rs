@@ -3,7 +3,7 @@
 #[cfg(doc)]
 use super::Surface;
 use crate::scene::CompiledScene;
-use crate::scene::compile::{Material, NONE};
+use crate::scene::compile::{Material, Model, NONE};
 
 /// Properties that the surfaces in all lanes of a vector share. They depend only on the primitive
 /// and its material, so that code may branch on them, and they state exactly which work
@@ -36,7 +36,8 @@ pub struct SurfaceTraits {
     pub textured: TexturedParameters,
 }
 
-/// Flags of the [`ShadingParameters`](super::ShadingParameters) of a material that have textures.
+/// Flags of the [`ShadingParameters`](super::ShadingParameters) of a material: which of them there are,
+/// and which have textures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct TexturedParameters {
     /// Whether the base colour has one.
@@ -47,6 +48,11 @@ pub struct TexturedParameters {
     pub metallic: bool,
     /// Whether the opacity has one.
     pub opacity: bool,
+    /// Whether the transmittance has one.
+    pub transmittance: bool,
+    /// Whether the transmittance takes the place of roughness, metallic and opacity: the model is
+    /// `translucent`.
+    pub translucent: bool,
 }
 
 impl TexturedParameters {
@@ -58,13 +64,19 @@ impl TexturedParameters {
             roughness: m.roughness_texture != NONE,
             metallic: m.metallic_texture != NONE,
             opacity: m.opacity_texture != NONE,
+            transmittance: m.transmittance_texture != NONE,
+            translucent: m.model == Model::Translucent,
         }
     }
 
     /// Returns whether any parameter has a texture.
     #[inline]
     pub fn any(&self) -> bool {
-        *self != TexturedParameters::default()
+        let plain = TexturedParameters {
+            translucent: self.translucent,
+            ..TexturedParameters::default()
+        };
+        *self != plain
     }
 }
 

@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3, Vec4};
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::scene::compile::{DirectionalLight, MaskMode, Material, Model, Texture, UvMap};
+use lumbre_light::scene::compile::{
+    DirectionalLight, MaskMode, Material, Model, NONE, Texture, UvMap,
+};
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::ray::Ray;
 use lumbre_light::transport::surface::Surface;
@@ -132,6 +134,51 @@ fn integrators_agree_on_masked_leaves() {
             .build();
         agree_with_bpt(&scene, 5, None, 1200);
     }
+}
+
+#[test]
+fn integrators_agree_on_light_through_paper() {
+    // A lamp in a paper box, whose texture transmits more in some places, and a sheet that also
+    // shades the room, with normals of a map.
+    let mut builder = room(EYE);
+    let (veins, map) = (builder.texture(leaf()), builder.texture(bumps()));
+    let paper = Material {
+        model: Model::Translucent,
+        base_color: Vec3::new(0.3, 0.25, 0.2),
+        transmittance: Vec3::new(0.5, 0.6, 0.7),
+        transmittance_texture: veins,
+        ..WHITE
+    };
+    let sheet = Material {
+        normal_texture: map,
+        normal_strength: 0.5,
+        transmittance_texture: NONE,
+        ..paper
+    };
+    let (low, side) = (Vec3::new(-0.4, 0.5, -0.4), 0.8);
+    let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| axis * side);
+    let faces = [
+        (low, x, y),
+        (low, y, z),
+        (low, z, x),
+        (low + z, y, x),
+        (low + x, z, y),
+    ];
+    for (corner, a, b) in faces {
+        builder = builder.quad(corner, a, b, paper);
+    }
+    let scene = builder
+        .quad(
+            Vec3::new(-1.2, 0.1, 0.6),
+            Vec3::X * 0.7,
+            Vec3::new(0.0, 0.8, -0.3),
+            sheet,
+        )
+        .sphere(Vec3::new(0.0, 0.9, 0.0), 0.15, light(14.0))
+        .build();
+    let mut scene = Arc::unwrap_or_clone(scene);
+    scene.tangents = vec![[Vec4::new(1.0, 0.0, 0.0, 1.0); 3]; scene.triangles.len()];
+    agree_with_bpt(&Arc::new(scene), 6, None, 1200);
 }
 
 /// Returns the scene with a coarse ball of `slices` slices and half as many stacks, with smooth

@@ -10,15 +10,15 @@ use crate::common::WHITE;
 use lumbre_render::lobe::cells::{SphereCells, narrowest};
 
 use crate::render::bsdf_grid::{
-    DISNEY, Mix, NORMAL, albedo, bsdf, grid, grids, interfaces, one_sided, outgoing, surface,
-    uniform,
+    DISNEY, Mix, NORMAL, albedo, bsdf, grid, grids, interfaces, one_sided, outgoing, sheets,
+    surface, uniform,
 };
 
 /// Significance of all chi-square tests of this file together.
 const SIGNIFICANCE: f64 = 0.01;
 /// Greatest number of chi-square tests: 4 mixtures of 20 materials, 18 ideal materials, 32
-/// interfaces and 32 one-sided materials from 5 directions.
-const TESTS: usize = (4 * 20 + 18 + 32 + 32) * 5;
+/// interfaces, 32 one-sided materials and 3 translucent sheets from 5 directions.
+const TESTS: usize = (4 * 20 + 18 + 32 + 32 + 3) * 5;
 
 /// Samples of each test.
 const SAMPLES: u32 = 16_000;
@@ -90,7 +90,8 @@ fn assert_samples_follow_density(materials: &[Material]) {
                     (0..3).all(|c| close(weight[c], s.weight[c], 1e-3)),
                     "{s:?} {weight} {material:?}"
                 );
-                assert!((s.wi.dot(NORMAL) * wo.dot(NORMAL) > 0.0) == (s.eta == 1.0));
+                let unbent = material.ior == 1.0 || s.wi.dot(NORMAL) * wo.dot(NORMAL) > 0.0;
+                assert_eq!(unbent, s.eta == 1.0);
             }
             let sphere = SphereCells::for_lobes(material, NORMAL, wo);
             let mut observed = vec![0.0; sphere.cells() + 1];
@@ -148,6 +149,11 @@ fn metals_plastic_and_glass_of_both_distributions_follow_their_density() {
 }
 
 #[test]
+fn translucent_sheets_follow_their_density() {
+    assert_samples_follow_density(&sheets());
+}
+
+#[test]
 fn one_sided_surfaces_follow_their_density() {
     assert_samples_follow_density(&one_sided());
 }
@@ -157,7 +163,7 @@ fn the_mean_weight_of_samples_is_the_integral_of_the_value() {
     // Sampling must cover all directions that the quadrature of the value covers.
     let n = 8000;
     let all = grids().into_iter().chain(interfaces()).chain(one_sided());
-    let cases: Vec<Material> = all.step_by(3).collect();
+    let cases: Vec<Material> = all.step_by(3).chain(sheets()).collect();
     let level = sidak(0.01, cases.len() * outgoing().len() * 3);
     for material in cases {
         let b = bsdf(&material);

@@ -198,6 +198,24 @@ pub fn interfaces() -> Vec<Material> {
     all
 }
 
+/// Returns translucent sheets: of both lobes, and of each alone.
+pub fn sheets() -> Vec<Material> {
+    let (reflects, transmits) = (Vec3::new(0.5, 0.3, 0.1), Vec3::new(0.1, 0.2, 0.6));
+    let pairs = [
+        (reflects, transmits),
+        (reflects, Vec3::ZERO),
+        (Vec3::ZERO, transmits),
+    ];
+    let sheet = |(base_color, transmittance)| Material {
+        model: Model::Translucent,
+        base_color,
+        transmittance,
+        ior: 1.0,
+        ..DISNEY
+    };
+    pairs.map(sheet).to_vec()
+}
+
 /// Returns four numbers in `[0, 1)` for a sample of a test.
 pub fn uniform(i: u32, test: u32) -> [f32; 4] {
     pcg4d([i, test, 42, 43]).map(unit)

@@ -10,7 +10,9 @@ use lumbre_light::transport::bsdf::{Bsdf, Orientation, PackedBsdf, TransportMode
 use lumbre_light::transport::surface::{ShadingParameters, Surface, TerminatorOffset};
 
 use crate::common::WHITE;
-use crate::render::bsdf_grid::{DISNEY, NORMAL, grids, interfaces, one_sided, surface, uniform};
+use crate::render::bsdf_grid::{
+    DISNEY, NORMAL, grids, interfaces, one_sided, sheets, surface, uniform,
+};
 
 /// Numbers that a case yields: for each mode 5 of the value, 4 without the reverse density, 2 x 11
 /// of samples; index ratio, and whether there is a density.
@@ -157,11 +159,12 @@ fn lanes_of<R: Lanes<N>, const N: usize>(cases: [Case; N], varies: bool) -> [R; 
         tangent: Some(load::<R, N>(cases.map(|c| c.tangent))),
         terminator: R::load(&cases.map(|c| f32::from(u8::from(c.terminator)))).gt(zero),
     };
+    let values = cases.map(|c| ShadingParameters::of(&c.material));
     let parameters = ShadingParameters {
-        base_color: load::<R, N>(cases.map(|c| c.material.base_color)),
-        roughness: R::load(&cases.map(|c| c.material.roughness)),
-        metallic: R::load(&cases.map(|c| c.material.metallic)),
-        opacity: R::load(&cases.map(|c| c.material.opacity)),
+        base_color: load::<R, N>(values.map(|p| p.base_color)),
+        roughness: R::load(&values.map(|p| p.roughness)),
+        metallic: R::load(&values.map(|p| p.metallic)),
+        opacity: R::load(&values.map(|p| p.opacity)),
     };
     let parameters = varies.then_some(&parameters);
     let b = Bsdf::<R>::unpack(&at, &packed[0].class, packed.each_ref(), parameters);
@@ -256,6 +259,7 @@ fn more() -> Vec<Material> {
         all.push(Material { interface, ..m });
     }
     all.extend(one_sided());
+    all.extend(sheets());
     all
 }
 
@@ -293,6 +297,7 @@ fn every_texture_of_a_material_has_the_same_bits_in_lanes_of_every_width() {
                 roughness: step(t) * 0.6,
                 metallic: step(r),
                 opacity: step(g),
+                transmittance: Vec3::new(step(b), step(r), step(t)),
                 ..m
             }
         };

@@ -10,7 +10,8 @@ use lumbre_light::transport::surface::Surface;
 use lumbre_render::lobe::cells::narrowest;
 
 use crate::render::bsdf_grid::{
-    DISNEY, NORMAL, bsdf, direction, grids, interfaces, one_sided, outgoing, surface, uniform,
+    DISNEY, NORMAL, bsdf, direction, grids, interfaces, one_sided, outgoing, sheets, surface,
+    uniform,
 };
 
 /// Returns pairs of directions: half at random, half sampled so that narrow lobes are hit.
@@ -49,6 +50,7 @@ fn materials() -> Vec<Material> {
     let mut all = grids();
     all.extend(interfaces());
     all.extend(one_sided());
+    all.extend(sheets());
     for opacity in [0.0, 0.5, 1.0] {
         all.push(Material {
             model: Model::Lambert,

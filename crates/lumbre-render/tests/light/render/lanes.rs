@@ -124,7 +124,7 @@ fn map(i: u32, wrap: [Wrap; 2]) -> Texture {
 
 /// Returns materials: plain; with every texture; with a normal map, a bump map, both; with a
 /// direction of anisotropy and its map; with a terminator offset; emissive.
-fn materials(builder: &mut SceneBuilder) -> [Material; 11] {
+fn materials(builder: &mut SceneBuilder) -> [Material; 14] {
     let [a, b, c] = [
         map(0, [Wrap::Repeat; 2]),
         map(1, [Wrap::Mirror, Wrap::Clamp]),
@@ -153,6 +153,11 @@ fn materials(builder: &mut SceneBuilder) -> [Material; 11] {
         opacity_texture: c,
         ..tiled
     };
+    let sheet = Material {
+        model: Model::Translucent,
+        transmittance: Vec3::new(0.2, 0.3, 0.4),
+        ..tiled
+    };
     let bent = Material {
         normal_texture: a,
         normal_strength: 0.7,
@@ -170,6 +175,15 @@ fn materials(builder: &mut SceneBuilder) -> [Material; 11] {
     [
         DISNEY,
         textured,
+        sheet,
+        Material {
+            base_color_texture: a,
+            ..sheet
+        },
+        Material {
+            transmittance_texture: c,
+            ..sheet
+        },
         bent,
         bumpy,
         Material {

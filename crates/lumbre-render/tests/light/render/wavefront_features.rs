@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{Vec3, Vec4};
 use lumbre_light::film::layer::{LAYERS, Layer};
-use lumbre_light::scene::compile::{Material, Texture};
+use lumbre_light::scene::compile::{Material, Model, Texture};
 use lumbre_light::scene::desc::{CameraKind, SceneDesc};
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
@@ -111,11 +111,15 @@ fn texture(seed: u32) -> Texture {
 
 #[test]
 fn textures_and_maps_have_the_same_bits_in_lanes() {
-    let slots: [(&str, SetTexture); 7] = [
+    let slots: [(&str, SetTexture); 8] = [
         ("base colour", |m, t| m.base_color_texture = t),
         ("roughness", |m, t| m.roughness_texture = t),
         ("metallic", |m, t| m.metallic_texture = t),
         ("opacity", |m, t| m.opacity_texture = t),
+        ("transmittance", |m, t| {
+            (m.model, m.transmittance) = (Model::Translucent, Vec3::splat(0.4));
+            m.transmittance_texture = t;
+        }),
         ("normals", |m, t| m.normal_texture = t),
         ("bumps", |m, t| m.bump_texture = t),
         ("direction", |m, t| {

@@ -8,6 +8,7 @@
 #include "transport/bsdf/ideal.glsl"
 #include "transport/bsdf/interface.glsl"
 #include "transport/bsdf/lobe.glsl"
+#include "transport/bsdf/translucent.glsl"
 #include "transport/surface.glsl"
 
 // A sampled direction in world space; fields as in Rust.
@@ -28,11 +29,14 @@ struct BsdfValue {
 
 // A pipeline omits the models that are not in the scene.
 const bool HAS_DISNEY = (MODELS & (1u << MODEL_DISNEY)) != 0u;
-const bool HAS_INTERFACE = (MODELS >> MODEL_CONDUCTOR) != 0u;
+const bool HAS_TRANSLUCENT = (MODELS & (1u << MODEL_TRANSLUCENT)) != 0u;
+const bool HAS_INTERFACE =
+    (MODELS & (1u << MODEL_CONDUCTOR | 1u << MODEL_PLASTIC | 1u << MODEL_DIELECTRIC)) != 0u;
 
 // The BSDF at a point of a surface. `disney` also stores the other models: base colour, index and
 // weights of an ideal surface; base colour, alpha and smoothness of an interface, whose other
-// parameters are in the material's row.
+// parameters are in the material's row; base colour of a translucent sheet, its transmittance as
+// `tinted_f0`, and an index of 1.
 struct Bsdf {
     Frame frame;
     vec3 n_geometric;
@@ -47,7 +51,15 @@ bool bsdf_is_disney(Bsdf b) {
 }
 
 bool bsdf_is_interface(Bsdf b) {
-    return HAS_INTERFACE && b.model >= MODEL_CONDUCTOR;
+    return HAS_INTERFACE && b.model >= MODEL_CONDUCTOR && b.model <= MODEL_DIELECTRIC;
+}
+
+bool bsdf_is_translucent(Bsdf b) {
+    return HAS_TRANSLUCENT && b.model == MODEL_TRANSLUCENT;
+}
+
+Translucent bsdf_translucent(Bsdf b) {
+    return translucent_new(b.disney.base_color, b.disney.tinted_f0);
 }
 
 InterfaceBsdf bsdf_interface(Bsdf b) {
@@ -97,6 +109,14 @@ Bsdf bsdf_new(Surface s) {
     b.model = m.model;
     b.material = s.material;
     vec3 base_color = surface_base_color(s);
+    if (bsdf_is_translucent(b)) {
+        vec3 texel = lookup(m.transmittance_texture, s.uv, s.material);
+        b.disney.base_color = base_color;
+        b.disney.tinted_f0 = m.transmittance * texel;
+        b.disney.ior = 1.0;
+        b.disney.one_sided = false;
+        return b;
+    }
     float metallic = lookup_scalar(m.metallic_texture, s.uv, s.material, m.metallic);
     float opacity = lookup_scalar(m.opacity_texture, s.uv, s.material, m.opacity);
     b.disney.base_color = base_color;
@@ -152,6 +172,11 @@ BsdfValue bsdf_evaluate(Bsdf b, vec3 wo, vec3 wi, uint mode) {
         d = disney_evaluate(b.disney, o, i, mode);
     } else if (bsdf_is_interface(b)) {
         d = interface_evaluate(bsdf_interface(b), o, i, mode);
+    } else if (bsdf_is_translucent(b)) {
+        Translucent k = bsdf_translucent(b);
+        d = Densities(
+            translucent_eval(k, o, i), translucent_pdf_w(k, o, i), translucent_pdf_w(k, i, o)
+        );
     } else {
         Ideal k = bsdf_ideal(b);
         d = Densities(ideal_eval(k, o, i), ideal_pdf_w(k, o, i), ideal_pdf_w(k, i, o));
@@ -195,6 +220,9 @@ bool bsdf_has_density(Bsdf b) {
     if (bsdf_is_disney(b)) {
         return disney_has_density(b.disney);
     }
+    if (bsdf_is_translucent(b)) {
+        return translucent_has_density(bsdf_translucent(b));
+    }
     return bsdf_is_interface(b) ? interface_has_density(bsdf_interface(b)) : b.disney.opaque > 0.0;
 }
 
@@ -207,6 +235,8 @@ bool bsdf_sample(Bsdf b, vec3 wo, float u, vec2 v, uint mode, out BsdfSample s) 
         found = disney_sample(b.disney, o, u, v, mode, l);
     } else if (bsdf_is_interface(b)) {
         found = interface_sample(bsdf_interface(b), o, u, v, mode, l);
+    } else if (bsdf_is_translucent(b)) {
+        found = translucent_sample(bsdf_translucent(b), o, u, v, l);
     } else {
         found = ideal_sample(bsdf_ideal(b), o, u, v, mode, l);
     }

@@ -5,6 +5,7 @@
 //! | `disney` | `conductor`, `dielectric` and `coateddiffuse`, mixed by metallic and opacity |
 //! | `lambert` | `conductor`, `dielectric` and `diffuse`, mixed likewise |
 //! | `conductor`, `plastic`, `dielectric` | `conductor`, `coateddiffuse`, `dielectric` |
+//! | `translucent` | `diffusetransmission` |
 //!
 //! Masks become the `alpha` of shapes, emission area lights, compositions of two parts `mix`.
 
@@ -46,6 +47,7 @@ enum Lobe {
     Metal,
     Glass,
     Body,
+    Sheet,
 }
 
 /// Parameters of a material that is written.
@@ -118,13 +120,18 @@ impl Surfaces<'_> {
             Model::Conductor => self.lobe(m, Lobe::Metal, name),
             Model::Dielectric => self.lobe(m, Lobe::Glass, name),
             Model::Plastic => self.lobe(m, Lobe::Body, name),
+            Model::Translucent => self.lobe(m, Lobe::Sheet, name),
             Model::Disney | Model::Lambert => self.weighted(m, name),
         }
     }
 
     /// Notes what pbrt has no counterpart of.
     fn note_unsupported(&mut self, m: &MaterialDesc) {
-        let opaque = m.model != Model::Dielectric && m.opacity >= 1.0;
+        let opaque = match m.model {
+            Model::Dielectric | Model::Translucent => false,
+            _ => m.opacity >= 1.0,
+        };
+        let of_interface = m.model.has_microfacets() && m.model != Model::Disney;
         let rows = [
             (m.one_sided && opaque, "`one_sided`: both sides reflect"),
             (
@@ -140,11 +147,11 @@ impl Surfaces<'_> {
                 "delays: light is returned without delay",
             ),
             (
-                m.distribution == Distribution::Beckmann && m.model != Model::Lambert,
+                m.distribution == Distribution::Beckmann && m.model.has_microfacets(),
                 "the distribution `beckmann`: `ggx` of the same alpha is used",
             ),
             (
-                m.specular != Vec3::ONE && !matches!(m.model, Model::Disney | Model::Lambert),
+                m.specular != Vec3::ONE && of_interface,
                 "`specular`: the interface reflects fully",
             ),
             (
@@ -248,6 +255,11 @@ impl Surfaces<'_> {
                     "dielectric"
                 }
             }
+            Lobe::Sheet => {
+                p.push(self.color(m, "reflectance", m.base_color)?);
+                p.push(self.transmittance(m)?);
+                "diffusetransmission"
+            }
             Lobe::Body => {
                 p.push(self.color(m, "reflectance", m.base_color)?);
                 if m.model == Model::Lambert {
@@ -305,17 +317,36 @@ impl Surfaces<'_> {
 
     /// Returns a colour, or the base colour texture times it.
     fn color(&mut self, m: &MaterialDesc, name: &str, factor: Vec3) -> Result<String, SceneError> {
-        if m.texture(TextureSlot::BaseColor).is_none() {
+        self.textured(m, name, (factor, TextureSlot::BaseColor, "color_map"))
+    }
+
+    /// Returns the transmittance, or its texture times it.
+    fn transmittance(&mut self, m: &MaterialDesc) -> Result<String, SceneError> {
+        let texture = (
+            m.transmittance,
+            TextureSlot::Transmittance,
+            "transmittance_map",
+        );
+        self.textured(m, "transmittance", texture)
+    }
+
+    /// Returns a colour, or the texture of a slot times it, with a name that ends with `stem`.
+    fn textured(
+        &mut self,
+        m: &MaterialDesc,
+        name: &str,
+        (factor, slot, stem): (Vec3, TextureSlot, &str),
+    ) -> Result<String, SceneError> {
+        if m.texture(slot).is_none() {
             return Ok(vector(&format!("rgb {name}"), factor));
         }
-        let conversion = TexelConversion::Color(factor);
-        let texture = self.texture(m, TextureSlot::BaseColor, conversion, "color_map")?;
+        let texture = self.texture(m, slot, TexelConversion::Color(factor), stem)?;
         Ok(format!("\"texture {name}\" \"{texture}\""))
     }
 
     /// Adds the roughness as alpha.
     fn rough(&mut self, m: &MaterialDesc, p: &mut Parameters) -> Result<(), SceneError> {
-        if m.model == Model::Lambert {
+        if !m.model.has_microfacets() {
             return Ok(());
         }
         if m.texture(TextureSlot::Roughness).is_some() {

@@ -10,7 +10,7 @@ use serde_json::Value as Json;
 use super::document::Document;
 use crate::scene::desc::material_params::MIN_IOR;
 use crate::scene::desc::{
-    Lookup, MaskMode, MaterialDesc, TextureDesc, TextureFilter, TextureSlot, Wrap,
+    Lookup, MaskMode, MaterialDesc, Model, TextureDesc, TextureFilter, TextureSlot, Wrap,
 };
 use crate::scene::load::images::ImageCache;
 use crate::scene::load::{MissingTextures, with_lenient_hint};
@@ -20,6 +20,7 @@ use crate::scene::{Note, SceneError};
 const SUPPORTED_EXTENSIONS: &[&str] = &[
     "KHR_materials_emissive_strength",
     "KHR_materials_transmission",
+    "KHR_materials_diffuse_transmission",
     "KHR_materials_ior",
     "KHR_materials_clearcoat",
     "KHR_materials_sheen",
@@ -113,6 +114,7 @@ impl<'a> MaterialReader<'a> {
             .unwrap_or(1.5)
             .clamp(MIN_IOR, 100.0) as f32;
         self.lobes(&place, &m, d);
+        self.diffuse_transmission(&place, &m, d);
         for name in m["extensions"]
             .as_object()
             .into_iter()
@@ -159,6 +161,34 @@ impl<'a> MaterialReader<'a> {
         }
     }
 
+    /// Makes a material translucent that transmits diffusely; the lobes over its diffuse one are left
+    /// out.
+    fn diffuse_transmission(&mut self, place: &str, m: &Json, d: &mut MaterialDesc) {
+        let extension = &m["extensions"]["KHR_materials_diffuse_transmission"];
+        let share = unit_number(&extension["diffuseTransmissionFactor"], 0.0);
+        if share == 0.0 {
+            return;
+        }
+        let tint = color(&extension["diffuseTransmissionColorFactor"], Vec3::ONE);
+        d.model = Model::Translucent;
+        d.base_color *= 1.0 - share;
+        d.transmittance = tint.clamp(Vec3::ZERO, Vec3::ONE) * share;
+        let reflected = 100.0 * ((d.ior - 1.0) / (d.ior + 1.0)).powi(2);
+        self.note(
+            place,
+            format!(
+                "a surface that transmits diffusely has no other lobes here: without the reflection of \
+                 its interface, {reflected:.0} % of the light at normal incidence"
+            ),
+        );
+        if extension["diffuseTransmissionTexture"].is_object() {
+            self.note(
+                place,
+                "a texture of `diffuseTransmissionFactor` is not supported; the factor is used",
+            );
+        }
+    }
+
     fn note(&mut self, place: &str, message: impl Into<String>) {
         let (file, place, message) = (self.document.path.clone(), place.to_owned(), message.into());
         self.notes.push(Note {
@@ -200,14 +230,19 @@ impl<'a> MaterialReader<'a> {
     ) -> Result<(), SceneError> {
         let pbr = &m["pbrMetallicRoughness"];
         let transmission = &m["extensions"]["KHR_materials_transmission"]["transmissionTexture"];
+        let through = "KHR_materials_diffuse_transmission";
         let references = [
             ("baseColorTexture", &pbr["baseColorTexture"]),
             ("metallicRoughnessTexture", &pbr["metallicRoughnessTexture"]),
             ("normalTexture", &m["normalTexture"]),
             ("emissiveTexture", &m["emissiveTexture"]),
             ("transmissionTexture", transmission),
+            (
+                "diffuseTransmissionColorTexture",
+                &m["extensions"][through]["diffuseTransmissionColorTexture"],
+            ),
         ];
-        let mut textures = [const { None }; 5];
+        let mut textures = [const { None }; 6];
         for ((key, reference), texture) in references.iter().zip(&mut textures) {
             if reference.is_object() {
                 let place = format!("{place}.{key}");
@@ -225,7 +260,7 @@ impl<'a> MaterialReader<'a> {
                 second: None,
             };
         }
-        let mut mapped = [const { None }; 5];
+        let mut mapped = [const { None }; 6];
         for (texture, mapped) in textures.into_iter().zip(&mut mapped) {
             if let Some(((image, wrap, filter), placement, place)) = texture {
                 let lookup = Lookup {
@@ -240,15 +275,15 @@ impl<'a> MaterialReader<'a> {
     }
 
     /// Stores the textures in the material: base colour, metallic and roughness, normal map,
-    /// emission, transmission.
+    /// emission, transmission, colour of diffuse transmission.
     fn set_textures(
         &mut self,
         place: &str,
         m: &Json,
-        textures: [Option<(Arc<TextureDesc>, Lookup)>; 5],
+        textures: [Option<(Arc<TextureDesc>, Lookup)>; 6],
         d: &mut MaterialDesc,
     ) -> Result<(), SceneError> {
-        let [base, rough, normal, emissive, transmission] = textures;
+        let [base, rough, normal, emissive, transmission, through] = textures;
         self.set_mask(place, m, base.as_ref(), d)?;
         if let Some((image, lookup)) = base {
             d.set_mapped_texture(TextureSlot::BaseColor, image, lookup);
@@ -279,6 +314,9 @@ impl<'a> MaterialReader<'a> {
         }
         if let Some((image, lookup)) = emissive {
             d.set_mapped_texture(TextureSlot::Emission, image, lookup);
+        }
+        if let Some((image, lookup)) = through {
+            d.set_mapped_texture(TextureSlot::Transmittance, image, lookup);
         }
         if let Some((image, lookup)) = transmission {
             let transmission = 1.0 - d.opacity;

@@ -120,6 +120,12 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
         limits: "",
     },
     SupportedElement {
+        name: "`KHR_materials_diffuse_transmission`",
+        support: "`diffuseTransmissionFactor`, `diffuseTransmissionColorFactor` and its texture, by \
+                  the model `translucent`",
+        limits: "the other lobes are left out, with a note; a texture of the factor is noted",
+    },
+    SupportedElement {
         name: "`KHR_materials_specular`",
         support: "`specularFactor`, as the index of refraction of opaque materials",
         limits: "colour and textures are noted",

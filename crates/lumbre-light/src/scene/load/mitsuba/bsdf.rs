@@ -105,7 +105,8 @@ impl BsdfReader<'_> {
             "blendbsdf" => self.blend(o, two_sided, depth),
             _ => {
                 self.plugin(o)?;
-                self.m.one_sided = !two_sided && self.m.model != Model::Dielectric;
+                let transmits = matches!(self.m.model, Model::Dielectric | Model::Translucent);
+                self.m.one_sided = !two_sided && !transmits;
                 Ok(())
             }
         }
@@ -128,6 +129,18 @@ impl BsdfReader<'_> {
             "diffuse" => {
                 self.m.model = Model::Lambert;
                 self.base(o, "reflectance", 0.5)
+            }
+            "roughdiffuse" => {
+                o.mark_read(&["alpha", "useFastApprox", "use_fast_approx"]);
+                self.notes.push(o.note(model_differences::ROUGH_DIFFUSE));
+                self.m.model = Model::Lambert;
+                self.base(o, "reflectance", 0.5)
+            }
+            "difftrans" => {
+                (self.m.model, self.m.base_color) = (Model::Translucent, Vec3::ZERO);
+                let slot = TextureSlot::Transmittance;
+                self.m.transmittance = self.color(o, "transmittance", 0.5, slot)?;
+                Ok(())
             }
             "conductor" => self.conductor(o),
             "roughconductor" => {
@@ -170,22 +183,36 @@ impl BsdfReader<'_> {
 
     /// Reads the base colour, or its texture.
     fn base(&mut self, o: &XmlObject, key: &str, default: f32) -> Result<(), SceneError> {
-        self.m.base_color = Vec3::splat(default);
-        if let Some(Property::Object(t)) = o.property(key) {
-            if t.plugin == "mesh_attribute" {
-                return self.vertex_colors(t);
-            }
-            match self.textures.read(t, self.notes)? {
-                Some(read) => {
-                    self.m.base_color = Vec3::ONE;
-                    self.set_texture(o, TextureSlot::BaseColor, read);
-                }
-                None => self.m.base_color = Vec3::splat(0.5),
-            }
-        } else if let Some(color) = o.color(key)? {
-            self.m.base_color = self.clamped_color(o, key, color);
+        if let Some(Property::Object(t)) = o.property(key)
+            && t.plugin == "mesh_attribute"
+        {
+            return self.vertex_colors(t);
         }
+        self.m.base_color = self.color(o, key, default, TextureSlot::BaseColor)?;
         Ok(())
+    }
+
+    /// Reads a colour, or the texture of a slot, whose factor is returned.
+    fn color(
+        &mut self,
+        o: &XmlObject,
+        key: &str,
+        default: f32,
+        slot: TextureSlot,
+    ) -> Result<Vec3, SceneError> {
+        if let Some(Property::Object(t)) = o.property(key) {
+            return Ok(match self.textures.read(t, self.notes)? {
+                Some(read) => {
+                    self.set_texture(o, slot, read);
+                    Vec3::ONE
+                }
+                None => Vec3::splat(0.5),
+            });
+        }
+        Ok(match o.color(key)? {
+            Some(color) => self.clamped_color(o, key, color),
+            None => Vec3::splat(default),
+        })
     }
 
     /// Reads the base colour from a `mesh_attribute`: a factor on the colours of the vertices.

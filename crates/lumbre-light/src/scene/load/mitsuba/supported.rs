@@ -66,6 +66,16 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
         limits: "",
     },
     SupportedElement {
+        name: "`roughdiffuse`",
+        support: "`reflectance`; a plugin of version 0.6, which version 3 lacks",
+        limits: "`alpha` is noted",
+    },
+    SupportedElement {
+        name: "`difftrans`",
+        support: "`transmittance`; a plugin of version 0.6, which version 3 lacks",
+        limits: "",
+    },
+    SupportedElement {
         name: "`conductor`, `roughconductor`",
         support: "`material`, or `eta` and `k`; `specular_reflectance`, `distribution`, `alpha`, \
                   `alpha_u`, `alpha_v`",

@@ -118,8 +118,9 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`diffusetransmission`, `translucent`",
-        support: "the reflected part",
-        limits: "noted",
+        support: "the model `translucent`: `reflectance`, `transmittance` and `scale`; `Kd`, \
+                  `reflect` and `transmit`",
+        limits: "`Ks` is noted",
     },
     SupportedElement {
         name: "`mix`",

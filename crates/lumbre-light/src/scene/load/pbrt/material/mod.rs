@@ -96,12 +96,8 @@ impl<'a> MaterialReader<'a> {
             "coateddiffuse" => self.coated_diffuse(),
             "coatedconductor" => self.coated_conductor(),
             "diffusetransmission" => {
-                self.params().get("transmittance");
-                self.note(model_differences::DIFFUSE_TRANSMISSION);
-                self.diffuse("reflectance", 0.25)?;
                 let scale = self.params().number("scale", 1.0)? as f32;
-                self.m.base_color = (self.m.base_color * scale).clamp(Vec3::ZERO, Vec3::ONE);
-                Ok(())
+                self.translucent(["reflectance", "transmittance"], [Vec3::splat(scale); 2])
             }
             "mix" => self.mix(),
             "interface" | "none" | "" => {
@@ -159,18 +155,38 @@ impl<'a> MaterialReader<'a> {
 
     /// Reads the base colour, or its texture.
     fn base(&mut self, name: &str, default: f32) -> Result<(), SceneError> {
-        match self.value(name, true, default)? {
-            TextureValue::Constant(color) => {
-                self.m.base_color = color.clamp(Vec3::ZERO, Vec3::ONE);
-                if self.m.base_color != color {
-                    self.note(format!("`{name}` is outside 0 to 1; it is clamped"));
-                }
-            }
+        self.m.base_color = self.color(name, default, TextureSlot::BaseColor)?;
+        Ok(())
+    }
+
+    /// Reads a colour, or the texture of a slot, whose factor is returned.
+    fn color(&mut self, name: &str, default: f32, slot: TextureSlot) -> Result<Vec3, SceneError> {
+        Ok(match self.value(name, true, default)? {
+            TextureValue::Constant(color) => self.clamped(name, color),
             TextureValue::Image(image) => {
-                self.m.base_color = Vec3::ONE;
-                image.apply_to(&mut self.m, TextureSlot::BaseColor);
+                image.apply_to(&mut self.m, slot);
+                Vec3::ONE
             }
+        })
+    }
+
+    /// Returns a colour clamped to 0..=1, with a note if it was outside.
+    fn clamped(&mut self, name: &str, color: Vec3) -> Vec3 {
+        let inside = color.clamp(Vec3::ZERO, Vec3::ONE);
+        if inside != color {
+            self.note(format!("`{name}` is outside 0 to 1; it is clamped"));
         }
+        inside
+    }
+
+    /// Sets a translucent sheet, by the names of its reflectance and transmittance and factors on
+    /// them.
+    fn translucent(&mut self, names: [&str; 2], factors: [Vec3; 2]) -> Result<(), SceneError> {
+        self.m.model = Model::Translucent;
+        let base_color = self.color(names[0], 0.25, TextureSlot::BaseColor)?;
+        let transmittance = self.color(names[1], 0.25, TextureSlot::Transmittance)?;
+        self.m.base_color = self.clamped(names[0], base_color * factors[0]);
+        self.m.transmittance = self.clamped(names[1], transmittance * factors[1]);
         Ok(())
     }
 

@@ -13,10 +13,7 @@ impl MaterialReader<'_> {
         match self.source.class.as_str() {
             "matte" => {
                 if self.number("sigma", 0.0)? > 0.0 {
-                    self.note(
-                        "the roughness `sigma` of a diffuse surface is not supported; its albedo \
-                         is the same within 8 %",
-                    );
+                    self.note(model_differences::ROUGH_DIFFUSE);
                 }
                 self.diffuse("Kd", 0.5)
             }
@@ -42,14 +39,13 @@ impl MaterialReader<'_> {
             "substrate" => self.substrate(),
             "uber" => self.uber(),
             "translucent" => {
-                for name in ["Ks", "transmit", "roughness", "remaproughness"] {
-                    self.params().get(name);
+                self.params().mark_read(&["roughness", "remaproughness"]);
+                if self.constant("Ks", true, 0.25)? != Vec3::ZERO {
+                    self.note("the glossy lobes (`Ks`) of this material are left out");
                 }
-                self.note(model_differences::DIFFUSE_TRANSMISSION);
-                self.diffuse("Kd", 0.25)?;
-                let reflected = self.constant("reflect", true, 0.5)?;
-                self.m.base_color = (self.m.base_color * reflected).clamp(Vec3::ZERO, Vec3::ONE);
-                Ok(())
+                let reflect = self.constant("reflect", true, 0.5)?;
+                let transmit = self.constant("transmit", true, 0.5)?;
+                self.translucent(["Kd", "Kd"], [reflect, transmit])
             }
             "disney" => self.disney(),
             other => {
