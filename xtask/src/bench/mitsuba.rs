@@ -210,7 +210,8 @@ struct Mitsuba {
 impl Mitsuba {
     /// Starts the server for an exported scene. Also returns Mitsuba's version.
     fn start(args: &MitsubaArgs, folder: &Path, scene: &Path) -> Result<(Mitsuba, String), String> {
-        let script = folder.join("mitsuba.py");
+        // A script named like the package would be imported in its place.
+        let script = folder.join("server.py");
         std::fs::write(&script, SERVER).map_err(|e| e.to_string())?;
         let numbers = [SIDE, SIDE, MAX_DEPTH].map(|n| n.to_string());
         let mut process = Command::new(&args.python)
