@@ -23,6 +23,10 @@ use lumbre_light::transport::surface::is_masked_out;
 /// triangles that are much larger than the distance have the greatest errors.
 const LIMIT_SLACK: f32 = 1.0 + 1.0 / (1 << 17) as f32;
 
+/// Leaf in which the last of several rays found a hit, with the bit of leaves; zero if it found none.
+/// The next ray tests it before the tree: shadow rays of one tile are often blocked by one object.
+type LastOccluder = u32;
+
 /// Stack entry that marks the end of an instance's tree, after which traversal returns to world
 /// space. No node, leaf or instance has this number.
 const RETURN_TO_WORLD: u32 = u32::MAX;
@@ -42,6 +46,40 @@ impl Accel {
         self.dispatch::<true>(ray, t_max).is_some()
     }
 
+    /// Does the same for one of several rays.
+    #[inline]
+    fn occluded_after(&self, ray: &Ray, t_max: f32, last: &mut LastOccluder) -> bool {
+        match self.isa {
+            _ if !self.instances.is_empty() || self.compressed.is_some() => {
+                self.occluded(ray, t_max)
+            }
+            #[cfg(target_arch = "x86_64")]
+            #[expect(unsafe_code, reason = "calls a function compiled for AVX2")]
+            // SAFETY: `isa` is AVX2 or AVX-512 only if the processor has it, and AVX-512 implies
+            // AVX2.
+            Isa::Avx2 | Isa::Avx512 => unsafe { self.occluded_avx2(ray, t_max, last) },
+            _ => self.occluded_with::<Portable>(ray, t_max, last),
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt")]
+    fn occluded_avx2(&self, ray: &Ray, t_max: f32, last: &mut LastOccluder) -> bool {
+        self.occluded_with::<crate::cpu::bvh::simd::Avx2>(ray, t_max, last)
+    }
+
+    #[inline(always)]
+    fn occluded_with<L: Simd8>(&self, ray: &Ray, t_max: f32, last: &mut LastOccluder) -> bool {
+        if *last != 0 && is_finite(ray) {
+            let (leaf, sheared) = (*last & !LEAF, ShearedRay::new(ray));
+            let mut best = BestHit::new(t_max);
+            if self.test_leaf::<L, true, false>(leaf, ray, &sheared, NONE, &mut best) {
+                return true;
+            }
+        }
+        self.traverse::<L, true, false>(ray, t_max, last).is_some()
+    }
+
     #[inline]
     fn dispatch<const ANY: bool>(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
         if !self.instances.is_empty() {
@@ -56,7 +94,7 @@ impl Accel {
             // SAFETY: `isa` is AVX2 or AVX-512 only if the processor has it, and AVX-512 implies
             // AVX2.
             Isa::Avx2 | Isa::Avx512 => unsafe { self.traverse_avx2::<ANY, false>(ray, t_max) },
-            _ => self.traverse::<Portable, ANY, false>(ray, t_max),
+            _ => self.traverse::<Portable, ANY, false>(ray, t_max, &mut 0),
         }
     }
 
@@ -70,7 +108,7 @@ impl Accel {
             // SAFETY: `isa` is AVX2 or AVX-512 only if the processor has it, and AVX-512 implies
             // AVX2.
             Isa::Avx2 | Isa::Avx512 => unsafe { self.traverse_avx2::<ANY, true>(ray, t_max) },
-            _ => self.traverse::<Portable, ANY, true>(ray, t_max),
+            _ => self.traverse::<Portable, ANY, true>(ray, t_max, &mut 0),
         }
     }
 
@@ -112,17 +150,18 @@ impl Accel {
         ray: &Ray,
         t_max: f32,
     ) -> Option<Hit> {
-        self.traverse::<crate::cpu::bvh::simd::Avx2, ANY, INSTANCES>(ray, t_max)
+        self.traverse::<crate::cpu::bvh::simd::Avx2, ANY, INSTANCES>(ray, t_max, &mut 0)
     }
 
     /// Runs the traversal loop. Returns any hit with `ANY`, and the nearest one otherwise. With
     /// `INSTANCES` it also traverses the trees of instances, with the ray transformed into their
-    /// mesh's space.
+    /// mesh's space. `last` becomes the leaf of the hit.
     #[inline(always)]
     fn traverse<L: Simd8, const ANY: bool, const INSTANCES: bool>(
         &self,
         ray: &Ray,
         t_max: f32,
+        last: &mut LastOccluder,
     ) -> Option<Hit> {
         // With NaN every box test would succeed, even for missing children.
         if !is_finite(ray) {
@@ -163,6 +202,7 @@ impl Accel {
                     &mut best,
                 ) && ANY
                 {
+                    *last = current;
                     return best.hit;
                 }
             } else {
@@ -196,7 +236,10 @@ impl Accel {
             };
             match next {
                 Some(next) => current = next,
-                None => return best.hit,
+                None => {
+                    *last = 0;
+                    return best.hit;
+                }
             }
         }
     }
@@ -382,7 +425,9 @@ impl Trace for Accel {
             self.trace_interleaved::<true>(rays, |i, hit| hidden[first + i] = hit.is_some());
             return;
         }
-        hidden.extend(rays.iter().map(|(ray, t_max)| self.occluded(ray, *t_max)));
+        let mut last = 0;
+        let rays = rays.iter();
+        hidden.extend(rays.map(|(ray, t_max)| self.occluded_after(ray, *t_max, &mut last)));
     }
 
     fn closest(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
