@@ -72,11 +72,9 @@ fn check(m: &MaterialDesc) -> Result<(), SchemaError> {
 fn compile_material(m: &MaterialDesc, bank: &mut TextureBank, notes: &mut Vec<Note>) -> Material {
     let emits = m.emission != Vec3::ZERO;
     let reflects = !emits || m.emitter_reflects;
-    let mixes = reflects && m.model != Model::Translucent;
+    let translucent = m.model == Model::Translucent;
     let smooth = m.shading_normals == ShadingNormals::Smooth;
-    if m.model == Model::Translucent && (m.base_color + m.transmittance).max_element() > 1.0 {
-        notes.extend(excess_note(m));
-    }
+    notes.extend(excess_note(m));
     let mut texture = |slot: TextureSlot, used: bool| {
         if used {
             bank.index(m, slot, notes)
@@ -108,7 +106,7 @@ fn compile_material(m: &MaterialDesc, bank: &mut TextureBank, notes: &mut Vec<No
         mask_threshold: m.mask_threshold,
         mask_mode: m.mask_mode,
         // A path that continues on the other side would hit the surface again.
-        shadow_terminator: m.shadow_terminator && smooth && m.model != Model::Translucent,
+        shadow_terminator: m.shadow_terminator && smooth && !translucent,
         flat_normals: !smooth,
         base_color_texture: texture(TextureSlot::BaseColor, reflects),
         emission_texture: texture(TextureSlot::Emission, emits),
@@ -117,12 +115,9 @@ fn compile_material(m: &MaterialDesc, bank: &mut TextureBank, notes: &mut Vec<No
             TextureSlot::Roughness,
             reflects && m.model.has_microfacets(),
         ),
-        metallic_texture: texture(TextureSlot::Metallic, mixes),
-        opacity_texture: texture(TextureSlot::Opacity, mixes),
-        transmittance_texture: texture(
-            TextureSlot::Transmittance,
-            reflects && m.model == Model::Translucent,
-        ),
+        metallic_texture: texture(TextureSlot::Metallic, reflects && !translucent),
+        opacity_texture: texture(TextureSlot::Opacity, reflects && !translucent),
+        transmittance_texture: texture(TextureSlot::Transmittance, reflects && translucent),
         anisotropic_texture: texture(
             TextureSlot::AnisotropicDirection,
             reflects && m.anisotropic > 0.0,
@@ -144,18 +139,18 @@ fn compile_material(m: &MaterialDesc, bank: &mut TextureBank, notes: &mut Vec<No
     }
 }
 
-/// Returns the note about a sheet that returns more light than it receives; `None` if textures may
-/// keep the sum below 1.
+/// Returns the note about a translucent sheet that returns more light than it receives; `None` if
+/// textures may keep the sum below 1.
 fn excess_note(m: &MaterialDesc) -> Option<Note> {
     let slots = [TextureSlot::BaseColor, TextureSlot::Transmittance];
-    let textured = slots.iter().any(|slot| m.texture(*slot).is_some());
-    (!textured).then(|| Note {
+    let plain = slots.iter().all(|slot| m.texture(*slot).is_none());
+    let exceeds = (m.base_color + m.transmittance).max_element() > 1.0;
+    let message = "`base_color` and `transmittance` add up to more than 1: the sheet returns more \
+                   light than it receives";
+    (m.model == Model::Translucent && plain && exceeds).then(|| Note {
         file: Default::default(),
         place: format!("materials.{}", m.name),
-        message:
-            "`base_color` and `transmittance` add up to more than 1: the sheet returns more light \
-                  than it receives"
-                .to_owned(),
+        message: message.to_owned(),
     })
 }
 

@@ -230,7 +230,7 @@ impl<'a> MaterialReader<'a> {
     ) -> Result<(), SceneError> {
         let pbr = &m["pbrMetallicRoughness"];
         let transmission = &m["extensions"]["KHR_materials_transmission"]["transmissionTexture"];
-        let through = "KHR_materials_diffuse_transmission";
+        let diffuse = &m["extensions"]["KHR_materials_diffuse_transmission"];
         let references = [
             ("baseColorTexture", &pbr["baseColorTexture"]),
             ("metallicRoughnessTexture", &pbr["metallicRoughnessTexture"]),
@@ -239,7 +239,7 @@ impl<'a> MaterialReader<'a> {
             ("transmissionTexture", transmission),
             (
                 "diffuseTransmissionColorTexture",
-                &m["extensions"][through]["diffuseTransmissionColorTexture"],
+                &diffuse["diffuseTransmissionColorTexture"],
             ),
         ];
         let mut textures = [const { None }; 6];
