@@ -104,23 +104,14 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> BsdfModel<V> {
         wanted: R::Mask,
     ) -> (V, [R; 2]) {
         match self {
-            BsdfModel::Ideal(k) => {
+            BsdfModel::Ideal(_) | BsdfModel::Translucent(_) => {
                 let (o, i) = (out.local, frame.to_local(wi));
                 let reverse = if REVERSE {
-                    k.pdf_w(i, o)
+                    self.pdf_w(i, o)
                 } else {
                     R::splat(0.0)
                 };
-                (k.eval(o, i), [k.pdf_w(o, i), reverse])
-            }
-            BsdfModel::Translucent(k) => {
-                let (o, i) = (out.local, frame.to_local(wi));
-                let reverse = if REVERSE {
-                    k.pdf_w(i, o)
-                } else {
-                    R::splat(0.0)
-                };
-                (k.eval(o, i), [k.pdf_w(o, i), reverse])
+                (self.eval(o, i, mode), [self.pdf_w(o, i), reverse])
             }
             BsdfModel::Disney(k) => {
                 let directions = [out.wo, wi];
