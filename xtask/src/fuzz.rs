@@ -9,6 +9,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::command::{cargo, execute, output};
@@ -68,6 +69,9 @@ const LONGEST: u32 = 20_000;
 const MAX_FINDINGS: usize = 10;
 /// Seconds after which an input counts as hanging.
 const HANG: u32 = 60;
+/// Processor time after which a target is started anew and its tally kept in a file, so that a chore
+/// that is interrupted loses no more.
+const SITTING: Duration = Duration::from_secs(300);
 
 /// Options of the chore.
 #[derive(clap::Args)]
@@ -81,7 +85,8 @@ pub struct Args {
     /// Number of targets that run at once; by default the number of processors
     #[arg(long, value_name = "N")]
     jobs: Option<usize>,
-    /// Folder of the builds, the corpus and the findings; a corpus that lies there is continued
+    /// Folder of the builds, the corpus, the findings and the tallies of targets that were
+    /// interrupted: what lies there is continued
     #[arg(long, value_name = "DIR", default_value = "target/fuzz")]
     out: PathBuf,
     /// Measure the lines that each corpus reaches, and write the rows into the table of the page
@@ -91,7 +96,7 @@ pub struct Args {
 }
 
 /// What a target did.
-#[derive(Default)]
+#[derive(Default, Deserialize, Serialize)]
 struct Tally {
     inputs: u64,
     /// Inputs that were accepted, of how many; counted in steps.
@@ -145,6 +150,7 @@ pub fn run(args: &Args) -> Result<(), String> {
                     if let Some(readers) = &readers {
                         tally.lines = Some(target(readers).lines()?);
                     }
+                    fs::remove_file(fuzzed.tally()).map_err(|e| e.to_string())?;
                     Ok(tally)
                 });
                 let mut done = lock(&tallies);
@@ -257,15 +263,16 @@ impl Target<'_> {
     fn attack(&self, time: Duration) -> Result<Tally, String> {
         let findings = self.out.join("findings").join(self.name);
         make_folder(&findings)?;
-        let before = files(&findings)?;
-        let mut tally = Tally::default();
+        let mut tally = self.interrupted()?;
+        let mut before = files(&findings)?;
+        before.retain(|file| !tally.findings.contains(file));
         while tally.processor_time < time && tally.findings.len() < MAX_FINDINGS {
             let mut command = self.command();
             command
                 .arg(self.corpus())
                 .arg(format!("-artifact_prefix={}/", findings.display()));
             let rest = time.saturating_sub(tally.processor_time);
-            let (status, text, spent) = end_after(&mut command, rest)?;
+            let (status, text, spent) = end_after(&mut command, rest.min(SITTING))?;
             tally.processor_time += spent;
             tally.add(&text);
             let known = tally.findings.len();
@@ -274,8 +281,26 @@ impl Target<'_> {
             if !status.success() && tally.findings.len() == known {
                 return Err(format!("{status}: {}", last_lines(&text)));
             }
+            let text = serde_json::to_string(&tally).map_err(|e| e.to_string())?;
+            fs::write(self.tally(), text).map_err(|e| e.to_string())?;
         }
         Ok(tally)
+    }
+
+    /// Returns the tally that an interrupted chore left, or an empty one.
+    fn interrupted(&self) -> Result<Tally, String> {
+        let path = self.tally();
+        match fs::read(&path) {
+            Ok(text) => {
+                serde_json::from_slice(&text).map_err(|e| format!("{}: {e}", path.display()))
+            }
+            Err(_) => Ok(Tally::default()),
+        }
+    }
+
+    /// Returns the file of its tally while its time is not over.
+    fn tally(&self) -> PathBuf {
+        self.out.join(format!("{}.json", self.name))
     }
 
     /// Keeps those inputs of the corpus that reach different branches.
@@ -336,6 +361,7 @@ impl Target<'_> {
             .current_dir(self.out)
             .arg(format!("-max_len={LONGEST}"))
             .arg(format!("-timeout={HANG}"))
+            .arg(format!("-report_slow_units={HANG}"))
             .args(["-print_final_stats=1", "-handle_usr1=1"]);
         // The files that a target writes live in memory where that is possible.
         if Path::new("/dev/shm").is_dir() {
