@@ -106,13 +106,14 @@ impl Builder {
     }
 }
 
-/// Effort of the builders `ploc` and `cwbvh`: how many neighbours the clustering searches, and how
-/// many nodes are candidates for reinsertion.
+/// Effort of the builders `ploc` and `cwbvh`: how many neighbours the clustering searches, how many
+/// nodes are candidates for reinsertion, and whether long triangles are cut into parts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Quality {
-    /// Clustering with 2 neighbours on each side, without reinsertion.
+    /// Clustering with 2 neighbours on each side, without reinsertion and parts of triangles.
     Fastest,
-    /// 4 neighbours, and reinsertion of a twentieth of the nodes.
+    /// 4 neighbours, reinsertion of a twentieth of the nodes, and parts of long triangles, as for all
+    /// that follow.
     VeryFast,
     /// 8 neighbours and a tenth of the nodes.
     Fast,
@@ -201,7 +202,9 @@ pub const ACCEL: Table = Table {
             ty: Ty::Word(Quality::WORDS),
             required: false,
             default: "medium",
-            doc: "ploc, cwbvh: build quality; slower presets make faster hierarchies",
+            doc: "ploc, cwbvh: build quality; slower presets make faster hierarchies. All but \
+                  fastest cut long triangles that are oblique to the axes into parts with boxes \
+                  of their own, which add at most half of the number of triangles",
         },
         Field {
             key: "instances",

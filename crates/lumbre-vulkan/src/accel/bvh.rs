@@ -114,9 +114,9 @@ impl SceneTrees {
             .iter()
             .map(|mesh| {
                 let (start, end) = (mesh.triangles.start as usize, mesh.triangles.end as usize);
-                let triangles = scene.triangles[start..end].iter();
-                let primitives: Vec<_> = triangles.map(BuildPrimitive::triangle).collect();
-                build_packed(spec, &primitives, spec.max_leaf)
+                let triangles = &scene.triangles[start..end];
+                let boxes: Vec<_> = triangles.iter().map(BuildPrimitive::triangle).collect();
+                build_packed(spec, triangles, &boxes, spec.max_leaf)
             })
             .collect();
         primitives.extend(placements.iter().map(|placement| {
@@ -127,7 +127,8 @@ impl SceneTrees {
         }));
         // An instance is expensive to enter, so each has its own box.
         let flat = placements.is_empty();
-        let top = build_packed(spec, &primitives, if flat { spec.max_leaf } else { 1 });
+        let max_leaf = if flat { spec.max_leaf } else { 1 };
+        let top = build_packed(spec, &scene.triangles[..triangles], &primitives, max_leaf);
         trees.stack = top.levels();
         let costs: Vec<f64> = meshes.iter().map(|mesh| mesh.cost(|_| 1.0)).collect();
         trees.cost = top.cost(|i| match (i as usize).checked_sub(in_world) {

@@ -164,7 +164,9 @@ impl Accel {
     }
 
     fn build_compressed(&mut self, spec: &AccelSpec) -> Result<(), AccelError> {
-        let tree = build_packed(spec, &world_primitives(&self.scene), spec.max_leaf);
+        let triangles = &self.scene.triangles[..self.scene.world_triangles()];
+        let primitives = world_primitives(&self.scene);
+        let tree = build_packed(spec, triangles, &primitives, spec.max_leaf);
         self.cost = tree.cost(|_| 1.0);
         let levels = tree.levels();
         self.compressed = Some(tree);
@@ -214,7 +216,8 @@ impl Accel {
         let one_leaf = self.instances.is_empty() && primitives.len() <= self.isa.one_leaf();
         let spec = top_level_spec(spec, self.instances.is_empty(), one_leaf);
         progress.begin("the binary tree");
-        let binary = build::build_binary(&spec, &primitives, spec.max_leaf);
+        let corners = &scene.triangles[..triangles];
+        let binary = build::build_scene(&spec, corners, &primitives, spec.max_leaf);
         progress.begin("nodes with eight children");
         let root = bvh8.add_tree(&binary, &primitives, &item);
         let mesh_levels = self
@@ -329,7 +332,7 @@ fn build_mesh(
     let primitives: Vec<BuildPrimitive> = triangles.iter().map(BuildPrimitive::triangle).collect();
     let item = |i: u32| BuildItem::Triangle(start + i, triangles[i as usize]);
     bvh8.add_tree(
-        &build::build_binary(spec, &primitives, spec.max_leaf),
+        &build::build_scene(spec, triangles, &primitives, spec.max_leaf),
         &primitives,
         &item,
     )

@@ -2,8 +2,8 @@
 //! collapsed.
 //!
 //! Invariants: node 0 is the root. The children of an inner node are adjacent, the first has an odd
-//! index, and both follow their parent. A leaf refers to a range of [`BinaryTree::primitives`], and
-//! every primitive is in exactly one leaf.
+//! index, and both follow their parent. A leaf refers to a range of [`BinaryTree::primitives`]. Every
+//! primitive is in one leaf, or in several if its parts are ([`super::parts`]).
 
 use std::ops::Range;
 

@@ -3,10 +3,11 @@
 //! The builders that split from the root on are in this module, and [`super::ploc`] merges from the
 //! leaves up. The format of their trees is that of [`super::binary`].
 
-use glam::Vec3A;
+use glam::{Vec3, Vec3A};
 
 use super::aabb::Aabb;
 use super::binary::{BinaryNode, BinaryTree};
+use super::parts::cut_triangles;
 use super::ploc::build_clusters;
 use super::reinsertion::reinsert;
 use crate::hierarchy::{AccelSpec, Builder, Quality};
@@ -23,7 +24,7 @@ pub struct BuildPrimitive {
 
 impl BuildPrimitive {
     /// Creates the box and centroid of a triangle.
-    pub fn triangle(corners: &[glam::Vec3; 3]) -> BuildPrimitive {
+    pub fn triangle(corners: &[Vec3; 3]) -> BuildPrimitive {
         let corners = corners.map(Vec3A::from);
         let centroid = (corners[0] + corners[1] + corners[2]) / 3.0;
         BuildPrimitive {
@@ -41,21 +42,56 @@ impl BuildPrimitive {
     }
 }
 
-/// Returns the settings of a quality: the radius of the search for neighbours in the clustering,
-/// and the share of nodes that are candidates for reinsertion in the first round.
-fn preset(quality: Quality) -> (usize, f32) {
-    match quality {
-        Quality::Fastest => (2, 0.0),
-        Quality::VeryFast => (4, 0.05),
-        Quality::Fast => (8, 0.1),
-        Quality::Medium => (14, 0.2),
-        Quality::Slow => (14, 0.5),
+/// Settings of a quality.
+struct Preset {
+    /// Number of neighbours on each side that the clustering searches.
+    radius: usize,
+    /// Share of nodes that are candidates for reinsertion in the first round.
+    reinserted: f32,
+    /// Greatest number of primitives that cuts of long triangles add, as a share of the triangles.
+    cut: f32,
+}
+
+fn preset(quality: Quality) -> Preset {
+    let (radius, reinserted, cut) = match quality {
+        Quality::Fastest => (2, 0.0, 0.0),
+        Quality::VeryFast => (4, 0.05, 0.5),
+        Quality::Fast => (8, 0.1, 0.5),
+        Quality::Medium => (14, 0.2, 0.5),
+        Quality::Slow => (14, 0.5, 0.5),
         // All nodes in every round.
-        Quality::VerySlow => (14, 8.0),
+        Quality::VerySlow => (14, 8.0, 0.5),
+    };
+    Preset {
+        radius,
+        reinserted,
+        cut,
     }
 }
 
-/// Builds the binary tree. `primitives` must not be empty.
+/// Builds the binary tree of triangles and other primitives, whose boxes are `primitives`, triangles
+/// first. There must be some. `ploc` and `cwbvh` cut long triangles: these are in several leaves.
+pub(crate) fn build_scene(
+    spec: &AccelSpec,
+    triangles: &[[Vec3; 3]],
+    primitives: &[BuildPrimitive],
+    max_leaf: u32,
+) -> BinaryTree {
+    let share = match spec.builder {
+        Builder::Ploc | Builder::Cwbvh => preset(spec.quality).cut,
+        Builder::None | Builder::Plane | Builder::Sah | Builder::Median => 0.0,
+    };
+    let Some(parts) = cut_triangles(triangles, primitives, share) else {
+        return build_binary(spec, primitives, max_leaf);
+    };
+    let mut tree = build_binary(spec, &parts.primitives, max_leaf);
+    for primitive in &mut tree.primitives {
+        *primitive = parts.whole[*primitive as usize];
+    }
+    tree
+}
+
+/// Builds the binary tree of boxes. `primitives` must not be empty.
 pub(crate) fn build_binary(
     spec: &AccelSpec,
     primitives: &[BuildPrimitive],
@@ -75,9 +111,9 @@ pub(crate) fn build_binary(
             TopDownBuilder::new(primitives, max_leaf as usize, u32::MAX).split_by(median_split)
         }
         Builder::Ploc | Builder::Cwbvh => {
-            let (radius, reinserted) = preset(spec.quality);
-            let mut tree = build_clusters(primitives, radius, max_leaf);
-            reinsert(&mut tree, reinserted);
+            let preset = preset(spec.quality);
+            let mut tree = build_clusters(primitives, preset.radius, max_leaf);
+            reinsert(&mut tree, preset.reinserted);
             tree
         }
     }

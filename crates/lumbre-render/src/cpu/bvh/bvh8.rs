@@ -3,7 +3,7 @@
 //!
 //! Invariants: a missing child has an empty box, which no ray hits. A leaf is a range of blocks
 //! that ends with a block whose `last` is set, or one instance. Every primitive of the binary tree
-//! is in exactly one leaf.
+//! is in the leaves that hold it there, once in each.
 
 use glam::Vec3;
 
@@ -211,6 +211,8 @@ impl Bvh8 {
     fn push_leaf(&mut self, collapse: &mut Collapse, binary: usize, level: usize) -> u32 {
         let mut members = Vec::new();
         collapse.bvh.collect_primitives(binary, &mut members);
+        members.sort_unstable();
+        members.dedup();
         let items: Vec<BuildItem> = members.iter().map(|i| (collapse.item)(*i)).collect();
         let aabb = collapse.bvh.nodes[binary].aabb();
         let mut leaves: Vec<(u32, Aabb)> = Vec::new();

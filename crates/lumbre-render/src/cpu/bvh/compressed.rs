@@ -198,7 +198,7 @@ mod tests {
         for (count, seed) in [(1, 1), (2, 1), (9, 2), (100, 3), (3000, 4)] {
             let triangles = random_triangles(count, seed);
             let boxes: Vec<_> = triangles.iter().map(BuildPrimitive::triangle).collect();
-            let tree = build_packed(&AccelSpec::default(), &boxes, 8);
+            let tree = build_packed(&AccelSpec::default(), &[], &boxes, 8);
             for i in 0..2000 {
                 let ray = random_ray(i);
                 let sheared = ShearedRay::new(&ray);
@@ -236,7 +236,7 @@ mod tests {
                 BuildPrimitive::from_box(low, low + 1.0)
             })
             .collect();
-        let tree = build_packed(&AccelSpec::default(), &boxes, 1);
+        let tree = build_packed(&AccelSpec::default(), &[], &boxes, 1);
         assert_eq!(tree.nodes.len(), 1);
         for slot in 0..LANES {
             let Slot::Leaf(first, 1) = tree.nodes[0].slot(slot) else {
@@ -259,7 +259,7 @@ mod tests {
 
     #[test]
     fn an_empty_tree_has_no_hits() {
-        let tree = build_packed(&AccelSpec::default(), &[], 8);
+        let tree = build_packed(&AccelSpec::default(), &[], &[], 8);
         tree.traverse::<Portable, false>(&random_ray(1), 1.0, |_| panic!("no primitives"));
     }
 }

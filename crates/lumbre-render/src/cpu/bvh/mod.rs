@@ -7,6 +7,7 @@
 //! |---|---|
 //! | [`aabb`], `binary` | boxes and binary trees of them |
 //! | [`build`] | top-down builders, and the settings of each quality |
+//! | `parts` | parts of long triangles, which builders take for primitives |
 //! | `morton`, `ploc` | locally ordered clustering along the Morton curve |
 //! | `reinsertion` | moves subtrees to better places |
 //!
@@ -41,6 +42,7 @@ pub mod intersect;
 pub mod morton;
 pub mod packed;
 pub mod packed_node;
+mod parts;
 pub mod ploc;
 mod progress;
 pub mod reinsertion;

@@ -1,13 +1,13 @@
 //! Compressed eight-wide trees [Ylitie et al. 2017]. `vulkan-compute` traverses them for every
 //! builder, the CPU only for the builder `cwbvh`.
 //!
-//! Every primitive is in exactly one leaf, and a child has at most [`MAX_CHILD_PRIMITIVES`].
+//! Leaves are those of the binary tree, and a child has at most [`MAX_CHILD_PRIMITIVES`].
 
-use glam::Vec3A;
+use glam::{Vec3, Vec3A};
 
 use super::aabb::Aabb;
 use super::binary::{BinaryNode, BinaryTree};
-use super::build::{BuildPrimitive, build_binary};
+use super::build::{BuildPrimitive, build_scene};
 use super::collapse::{CollapseCosts, LeafChoice};
 use super::packed_node::{PackedNode, Slot};
 use super::simd::LANES;
@@ -30,9 +30,15 @@ pub struct PackedTree {
     pub aabb: Aabb,
 }
 
-/// Builds the tree over `primitives`, with at most `max_leaf` and [`MAX_CHILD_PRIMITIVES`] of them
-/// in one child. `ploc` and `cwbvh` give the same tree.
-pub fn build_packed(spec: &AccelSpec, primitives: &[BuildPrimitive], max_leaf: u32) -> PackedTree {
+/// Builds the tree over `primitives`, of which the first are those of `triangles`, with at most
+/// `max_leaf` and [`MAX_CHILD_PRIMITIVES`] of them in one child. `ploc` and `cwbvh` give the same
+/// tree.
+pub fn build_packed(
+    spec: &AccelSpec,
+    triangles: &[[Vec3; 3]],
+    primitives: &[BuildPrimitive],
+    max_leaf: u32,
+) -> PackedTree {
     if primitives.is_empty() {
         return PackedTree {
             nodes: Vec::new(),
@@ -41,12 +47,11 @@ pub fn build_packed(spec: &AccelSpec, primitives: &[BuildPrimitive], max_leaf: u
         };
     }
     let max_child = max_leaf.clamp(1, MAX_CHILD_PRIMITIVES);
+    let binary = |max_leaf: u32| build_scene(spec, triangles, primitives, max_leaf);
     match spec.builder {
-        Builder::Ploc | Builder::Cwbvh => {
-            PackedTree::collapse(&build_binary(spec, primitives, max_child), max_child)
-        }
+        Builder::Ploc | Builder::Cwbvh => PackedTree::collapse(&binary(max_child), max_child),
         Builder::None | Builder::Plane | Builder::Sah | Builder::Median => {
-            let mut binary = build_binary(spec, primitives, max_leaf);
+            let mut binary = binary(max_leaf);
             split_leaves(&mut binary, max_child);
             PackedTree::collapse(&binary, max_child)
         }
@@ -224,7 +229,7 @@ mod tests {
                     builder,
                     ..AccelSpec::default()
                 };
-                let tree = build_packed(&spec, &row(count), max_leaf);
+                let tree = build_packed(&spec, &[], &row(count), max_leaf);
                 let mut indices = tree.primitives.clone();
                 indices.sort_unstable();
                 assert_eq!(
@@ -247,7 +252,11 @@ mod tests {
                 );
             }
         }
-        assert!(build_packed(&AccelSpec::default(), &[], 8).nodes.is_empty());
+        assert!(
+            build_packed(&AccelSpec::default(), &[], &[], 8)
+                .nodes
+                .is_empty()
+        );
     }
 
     #[test]
@@ -259,20 +268,20 @@ mod tests {
                 max_depth,
                 ..AccelSpec::default()
             };
-            build_packed(&spec, &primitives, max_leaf).cost(|_| 1.0)
+            build_packed(&spec, &[], &primitives, max_leaf).cost(|_| 1.0)
         };
         // A ray that meets the box of the scene is tested with all 64.
         let none = AccelSpec {
             builder: Builder::None,
             ..AccelSpec::default()
         };
-        let whole = build_packed(&none, &primitives, 8).cost(|_| 1.0);
+        let whole = build_packed(&none, &[], &primitives, 8).cost(|_| 1.0);
         assert!(whole > 64.0, "{whole}");
         assert_eq!(cost_with(8, 0), whole);
         let (fine, coarse) = (cost_with(1, 48), cost_with(16, 48));
         assert!(fine < coarse && coarse < whole, "{fine} {coarse} {whole}");
         // An instance in a leaf costs as much as its mesh.
-        assert!(build_packed(&none, &primitives, 8).cost(|_| 3.0) > 2.0 * whole);
+        assert!(build_packed(&none, &[], &primitives, 8).cost(|_| 3.0) > 2.0 * whole);
     }
 
     /// Asserts that the boxes of a node's children contain all primitives below them, and returns
@@ -315,7 +324,7 @@ mod tests {
                     builder,
                     ..AccelSpec::default()
                 };
-                let tree = build_packed(&spec, &primitives, 8);
+                let tree = build_packed(&spec, &[], &primitives, 8);
                 let found = check_node(&tree, &primitives, 0, &[tree.aabb]);
                 assert_eq!(found, primitives.len(), "{name} {builder:?}");
                 assert!(

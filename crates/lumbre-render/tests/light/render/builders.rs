@@ -10,9 +10,9 @@ use lumbre_render::cpu::bvh::accel::Accel;
 use lumbre_render::cpu::bvh::simd::Isa;
 use lumbre_render::hierarchy::{AccelSpec, Builder, Quality};
 
-use crate::common::{SceneBuilder, grey, job, light, render};
+use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
 use crate::render::instructions::{rays, stack};
-use crate::render::intersection::soup;
+use crate::render::intersection::{numbers, point, soup};
 
 /// Returns every builder, with the ends of its parameters.
 fn specs() -> Vec<AccelSpec> {
@@ -58,11 +58,54 @@ fn accel(scene: &Arc<CompiledScene>, spec: &AccelSpec) -> Accel {
     Accel::build_as(Arc::clone(scene), spec, Isa::detect()).unwrap()
 }
 
+/// Returns small triangles and oblique slats, which `ploc` and `cwbvh` cut into parts.
+fn slats() -> Arc<CompiledScene> {
+    let mut next = numbers(21);
+    let mut b = SceneBuilder::new(Vec3::Z * 3.0, Vec3::ZERO, 50.0);
+    for i in 0..600 {
+        let at = point(&mut next);
+        let small = [
+            at,
+            at + point(&mut next) * 0.03,
+            at + point(&mut next) * 0.03,
+        ];
+        let at = Vec3::new(1.0, -1.0, 0.2) * (i as f32 / 300.0 - 1.0);
+        let along = Vec3::new(1.0, 1.1, 0.9);
+        let long = [at - along, at + along, at + Vec3::new(0.02, 0.0, 0.03)];
+        for corners in [small, long] {
+            b = b.triangle(corners, [glam::Vec2::ZERO; 3], WHITE);
+        }
+    }
+    b.build()
+}
+
+#[test]
+fn cut_triangles_cost_less() {
+    let scene = slats();
+    for builder in [Builder::Ploc, Builder::Cwbvh] {
+        let [whole, cut] = [Quality::Fastest, Quality::VeryFast].map(|quality| {
+            let spec = AccelSpec {
+                builder,
+                quality,
+                ..AccelSpec::default()
+            };
+            let accel = accel(&scene, &spec);
+            (accel.cost(), accel.bytes() as f64)
+        });
+        assert!(cut.0 < 0.75 * whole.0, "{builder:?} {cut:?} {whole:?}");
+        assert!(
+            cut.1 > whole.1 && cut.1 < 1.5 * whole.1,
+            "{builder:?} {cut:?} {whole:?}"
+        );
+    }
+}
+
 #[test]
 fn hits_have_the_same_bits_with_every_builder() {
     let (mut hits, mut missed, mut tested) = (0, 0, 0);
     let scenes = [
         (soup(3), Vec3::ZERO),
+        (slats(), Vec3::ZERO),
         (soup(4), Vec3::ZERO),
         (stack(0.0), Vec3::ZERO),
         (stack(3e5), Vec3::new(3e5, 0.0, 3e5)),
