@@ -107,7 +107,7 @@ records! {
         pub run: String,
         /// Readable path; `reference` for references.
         pub path: String,
-        /// Devices that render it.
+        /// Devices that render it, as in `done.json`.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         pub devices: Vec<Device>,
         /// Line about the device for people. Only of lines of earlier versions, without `devices`.
@@ -152,7 +152,7 @@ records! {
         pub run: String,
         /// Shard of the reference.
         pub shard: ShardRecord,
-        /// Devices that render it.
+        /// Devices that render it, as in `done.json`.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         pub devices: Vec<Device>,
         /// Line about the device for people. Only of lines of earlier versions, without `devices`.

@@ -77,7 +77,7 @@ records! {
         pub name: String,
         /// Line about the devices that render it, for people.
         pub device: String,
-        /// Devices that render it.
+        /// Devices that render it, as in `done.json`.
         pub devices: Vec<Device>,
         /// Samples per pixel at its last measurement; `null` before.
         pub samples: Option<u64>,

@@ -520,3 +520,46 @@ impl Renderer for CpuRenderer {
         &self.open_stats
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hierarchy::LaneMode;
+    use lumbre_light::scene::compile;
+    use lumbre_light::scene::load::load;
+    use lumbre_light::transport::integrator::integrator;
+
+    #[test]
+    fn the_device_states_threads_hierarchy_instructions_and_lanes() {
+        let file = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../scenes/cornell/cornell.scn"
+        );
+        let (desc, _) = load(file.as_ref()).unwrap();
+        let scene = Arc::new(compile(&desc).unwrap().0);
+        let open = |builder, lanes| {
+            let mut job = Job::plain(integrator("nee").unwrap(), [8, 8], 3, 7);
+            job.threads = 2;
+            (job.accel.builder, job.accel.lanes) = (builder, lanes);
+            let renderer = CpuRenderer::new(Arc::clone(&scene), job).unwrap();
+            renderer.open_stats().clone()
+        };
+        let isa = Isa::detect().name();
+        let plain = AccelSpec::default().builder;
+        for (builder, hierarchy) in [
+            (plain, "eight-wide BVH"),
+            (Builder::None, "no hierarchy"),
+            (Builder::Cwbvh, "compressed BVH by cwbvh medium"),
+            (Builder::Median, "eight-wide BVH by median"),
+        ] {
+            let open = open(builder, LaneMode::Never);
+            let line = format!("cpu, 2 threads, {hierarchy}, {isa}");
+            assert_eq!(open.device_line(), line);
+            assert_eq!(open.devices[0].features.lanes, Some(1));
+        }
+        let open = open(plain, LaneMode::Always);
+        let line = format!("cpu, 2 threads, eight-wide BVH, {isa}, vectorised");
+        assert_eq!(open.device_line(), line);
+        assert!(open.devices[0].features.lanes > Some(1));
+    }
+}
