@@ -18,7 +18,8 @@ pub struct Device {
     pub name: String,
     /// Kind of the device.
     pub kind: DeviceKind,
-    /// Number of the vendor of a graphics device, as assigned by the PCI-SIG.
+    /// Number of the vendor of a graphics device, as assigned by the PCI-SIG or, above 65535, by
+    /// Khronos.
     pub vendor: Option<u32>,
     /// Number of threads of the processor that render; `None` on another device, or if unknown.
     pub threads: Option<u32>,

@@ -24,7 +24,8 @@ pub(crate) const DEVICE: RecordRow = RecordRow {
         },
         Field {
             name: "vendor",
-            doc: "Number of the vendor of a graphics device, as assigned by the PCI-SIG.",
+            doc: "Number of the vendor of a graphics device, as assigned by the PCI-SIG or, above 65535, by \
+                  Khronos.",
         },
         Field {
             name: "threads",
