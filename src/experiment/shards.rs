@@ -12,7 +12,8 @@ use super::outcome::{CellRef, WaveRow};
 use super::run_progress::{Checkpoint, RunProgress};
 use lumbre_light::film::Film;
 use lumbre_light::film::state::{CheckpointMismatch, StateReader, write_u64s};
-use lumbre_render::{OpenStats, WaveStats};
+use lumbre_render::device::add_devices;
+use lumbre_render::{Device, OpenStats, WaveStats};
 
 /// A shard of a reference. Its first sample is even, so that both halves start at the same sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -106,11 +107,7 @@ impl ShardSums {
         total.upload_s += more.upload_s;
         total.pipeline_s += more.pipeline_s;
         total.accel_build_s += more.accel_build_s;
-        for device in more.device.split("; ") {
-            if !total.device.split("; ").any(|known| known == device) {
-                total.device = format!("{}; {device}", total.device);
-            }
-        }
+        add_devices(&mut total.devices, &more.devices);
     }
 
     /// Samples per pixel of both halves.
@@ -130,14 +127,11 @@ impl ShardSums {
             accel_nodes,
             accel_bytes,
             accel_cost,
-            // Shards do not store the memory of their scene, which is that of every other run, nor
-            // what only the times of cells are labelled by.
+            // Shards do not store the memory of their scene, which is that of every other run.
             scene: _,
-            threads: _,
-            lanes: _,
-            peer: _,
-            device,
+            devices,
         } = &self.open;
+        let devices = serde_json::to_vec(devices)?;
         let seconds = [upload_s, pipeline_s, accel_build_s, accel_cost].map(|x| x.to_bits());
         write_u64s(
             to,
@@ -150,9 +144,9 @@ impl ShardSums {
             to,
             seconds
                 .into_iter()
-                .chain([*accel_nodes, *accel_bytes, device.len() as u64]),
+                .chain([*accel_nodes, *accel_bytes, devices.len() as u64]),
         )?;
-        to.write_all(device.as_bytes())?;
+        to.write_all(&devices)?;
         self.halves.iter().try_for_each(|half| half.save(to))
     }
 
@@ -176,8 +170,7 @@ impl ShardSums {
             [number()?, number()?, number()?, number()?];
         let [accel_nodes, accel_bytes, length] =
             [from.read_u64()?, from.read_u64()?, from.read_u64()?];
-        let device =
-            String::from_utf8(from.read_bytes(length)?.to_vec()).map_err(|_| CheckpointMismatch)?;
+        let devices = read_devices(from.read_bytes(length)?)?;
         let mut halves = [0, 1].map(|_| Film::new(width, height));
         halves
             .iter_mut()
@@ -190,11 +183,20 @@ impl ShardSums {
             accel_nodes,
             accel_bytes,
             accel_cost,
-            device,
+            devices,
             ..OpenStats::default()
         };
         Ok(ShardSums { halves, open })
     }
+}
+
+/// Parses the devices of a shard: a JSON list, or the line for people that earlier versions stored.
+fn read_devices(bytes: &[u8]) -> Result<Vec<Device>, CheckpointMismatch> {
+    if bytes.starts_with(b"[") {
+        return serde_json::from_slice(bytes).map_err(|_| CheckpointMismatch);
+    }
+    let line = std::str::from_utf8(bytes).map_err(|_| CheckpointMismatch)?;
+    Ok(vec![Device::from_line(line)])
 }
 
 /// The first shards of a reference, joined.
@@ -327,7 +329,7 @@ mod tests {
         );
     }
 
-    fn checkpoint(samples: [u64; 2], value: f64, device: &str) -> Checkpoint {
+    fn checkpoint(samples: [u64; 2], value: f64, device: &Device) -> Checkpoint {
         let halves = samples.map(|n| {
             let mut film = Film::new(2, 1);
             film.samples = n;
@@ -338,7 +340,7 @@ mod tests {
         let open = OpenStats {
             accel_build_s: 0.5,
             accel_nodes: 7,
-            device: device.to_owned(),
+            devices: vec![device.clone()],
             ..OpenStats::default()
         };
         let mut state = Vec::new();
@@ -362,9 +364,10 @@ mod tests {
 
     #[test]
     fn joined_shards_have_all_samples_clocks_and_devices() {
-        let mut joined = JoinedShards::from_checkpoint(&checkpoint([2, 2], 1.0, "one")).unwrap();
-        joined.append(&checkpoint([3, 2], 2.0, "two")).unwrap();
-        joined.append(&checkpoint([1, 1], 4.0, "one")).unwrap();
+        let [one, two] = [1, 2].map(Device::processor);
+        let mut joined = JoinedShards::from_checkpoint(&checkpoint([2, 2], 1.0, &one)).unwrap();
+        joined.append(&checkpoint([3, 2], 2.0, &two)).unwrap();
+        joined.append(&checkpoint([1, 1], 4.0, &one)).unwrap();
         let JoinedShards { sums, rows } = &joined;
         assert_eq!(
             sums.halves
@@ -374,12 +377,13 @@ mod tests {
         );
         assert_eq!(
             (
-                sums.open.device.as_str(),
+                sums.open.devices.as_slice(),
                 sums.open.accel_build_s,
                 sums.open.accel_nodes
             ),
-            ("one; two", 1.5, 7)
+            ([one, two].as_slice(), 1.5, 7)
         );
+        assert_eq!(sums.open.device_line(), "cpu, 1 threads; cpu, 2 threads");
         let clocks: Vec<(u64, u64, f64, f64)> = rows
             .iter()
             .map(|r| (r.wave, r.samples, r.render_s, r.wall_s))
@@ -394,8 +398,20 @@ mod tests {
     }
 
     #[test]
+    fn devices_of_shards_of_earlier_versions_are_lines() {
+        let line = "cpu, 2 threads, eight-wide BVH, avx2; a card; with a driver";
+        let stored = read_devices(line.as_bytes()).unwrap();
+        assert_eq!(stored, [Device::from_line(line)]);
+        assert_eq!(lumbre_render::device::devices_line(&stored), line);
+        for damaged in [&b"[{\"name\""[..], b"\xff"] {
+            assert_eq!(read_devices(damaged), Err(CheckpointMismatch));
+        }
+    }
+
+    #[test]
     fn checkpoints_that_are_not_shards_are_rejected() {
-        let whole = checkpoint([2, 2], 1.0, "one");
+        let one = Device::processor(1);
+        let whole = checkpoint([2, 2], 1.0, &one);
         for cut in [0, 8, 80, whole.state.len() - 1] {
             let cut = Checkpoint {
                 state: whole.state[..cut].to_vec(),
@@ -414,7 +430,7 @@ mod tests {
             "rejected before memory is allocated"
         );
         let other = Checkpoint {
-            state: checkpoint([2, 3], 1.0, "one").state,
+            state: checkpoint([2, 3], 1.0, &one).state,
             ..whole.clone()
         };
         assert!(

@@ -358,11 +358,9 @@ impl Screen {
         // Reducing the picture is slow and writing may block: do neither while holding the lock.
         let model = self.shared.model().clone();
         if !self.view.watching {
-            let device = model
-                .current
-                .as_ref()
-                .map_or("", |current| current.open.device.as_str());
-            self.view.gauges.borrow_mut().refresh(device);
+            let current = model.current.as_ref();
+            let devices = current.map_or(&[][..], |current| &current.open.devices);
+            self.view.gauges.borrow_mut().refresh(devices);
         }
         // Without a size, pictures are blocks.
         self.view.graphics = (self.graphics, full_screen::cell_size(self.graphics));

@@ -380,13 +380,13 @@ impl Sink for ProgressLines {
             Event::NightStarted { plan } => self.print_start(plan),
             Event::CellStarted { cell, open, .. } => {
                 self.last_line_s.remove(cell);
-                self.print_run_started(*cell, &open.device);
+                self.print_run_started(*cell, &open.device_line());
             }
             Event::Wave {
                 cell, row, pow2, ..
             } => self.print_wave(*cell, row, *pow2),
             Event::ShardStarted { shard, open, .. } => {
-                self.print_shard(shard, &format!(", on {}", open.device));
+                self.print_shard(shard, &format!(", on {}", open.device_line()));
             }
             Event::ShardFinished {
                 shard,

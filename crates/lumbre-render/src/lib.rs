@@ -1,7 +1,7 @@
 //! Rendering of light transport in waves of samples: [`Job`] is what to render, [`Renderer`] a run
 //! in progress, and [`BackendRow`] the description of a backend. The crate contains the CPU backend
 //! ([`cpu`]), a backend for tests ([`mock`]), other renderers as techniques ([`external`]) and
-//! rendering in a child process ([`worker`]). [`denoise`] filters the pictures of any of them;
+//! rendering in a child process ([`worker`]). [`device`] describes what renders; [`denoise`] filters the pictures of any of them;
 //! [`shaders`] is the choice of the shaders of devices;
 //! [`own_technique`] makes integrators of other crates known, [`plugin`] those of C libraries.
 //!
@@ -11,6 +11,7 @@
 pub mod backend_choice;
 pub mod cpu;
 pub mod denoise;
+pub mod device;
 pub mod external;
 pub mod hierarchy;
 pub mod instance_transform;
@@ -30,6 +31,8 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use self::device::devices_line;
+pub use self::device::{Device, DeviceKind, Peer};
 use self::hierarchy::AccelSpec;
 use self::shaders::Shaders;
 use lumbre_light::film::layer::{Layer, LayerFilm};
@@ -182,24 +185,15 @@ pub struct OpenStats {
     pub accel_cost: f64,
     /// Memory of the scene's geometry and textures; zero if unknown.
     pub scene: SceneMemory,
-    /// Line for users: device, builder, threads.
-    pub device: String,
-    /// Number of threads of the processor that render; 0 on another device, or if unknown.
-    pub threads: u32,
-    /// Number of paths that the processor traces at a time, one in each lane of a vector; 0 on another
-    /// device, or if unknown.
-    pub lanes: u32,
-    /// External program that renders, if any.
-    pub peer: Option<Peer>,
+    /// Devices that render, each once: one, unless shards were rendered on several.
+    pub devices: Vec<Device>,
 }
 
-/// An external program that renders.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Peer {
-    /// Name of the program, with its version if known.
-    pub program: String,
-    /// Whether its render time is the wall-clock time of its processes.
-    pub wall_clock: bool,
+impl OpenStats {
+    /// Returns the line about the devices for people; empty if they are unknown.
+    pub fn device_line(&self) -> String {
+        devices_line(&self.devices)
+    }
 }
 
 /// Reason why a backend cannot render.

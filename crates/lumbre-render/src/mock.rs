@@ -12,7 +12,7 @@ use std::io::{self, Write};
 use std::sync::Arc;
 
 use super::shaders::Shaders;
-use super::{BackendRow, Job, OpenStats, RenderError, Renderer, WaveStats};
+use super::{BackendRow, Device, Job, OpenStats, RenderError, Renderer, WaveStats};
 use lumbre_light::film::Film;
 use lumbre_light::film::state::StateReader;
 use lumbre_light::scene::CompiledScene;
@@ -102,7 +102,7 @@ impl MockRenderer {
             first_sample: job.first_sample,
             fail_after: None,
             open_stats: OpenStats {
-                device: "mock, on a fake clock".into(),
+                devices: vec![Device::mock()],
                 ..OpenStats::default()
             },
         }

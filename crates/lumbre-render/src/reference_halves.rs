@@ -188,7 +188,6 @@ mod tests {
         let open_stats = OpenStats {
             accel_build_s: value,
             accel_nodes: 7,
-            device: "constant".into(),
             ..OpenStats::default()
         };
         Box::new(Constant {

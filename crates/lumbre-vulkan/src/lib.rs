@@ -292,6 +292,9 @@ fn describe_device(d: &DeviceInfo) -> String {
 mod tests {
     use context::limits::Limits;
     use context::physical_device::Caps;
+    use lumbre_render::DeviceKind;
+    use lumbre_render::device::VENDOR_NVIDIA;
+    use lumbre_render::hierarchy::AccelSpec;
 
     use super::*;
 
@@ -325,5 +328,37 @@ mod tests {
         software.software = true;
         assert!(suitable_mode(&software).is_err());
         assert!(describe_device(&software).contains("ray tracing emulated"));
+    }
+
+    #[test]
+    fn a_recorded_device_states_vendor_driver_and_tracing() {
+        let caps = Caps {
+            pipeline: true,
+            ..Caps::default()
+        };
+        let mut card = DeviceInfo::made_up("card", VENDOR_NVIDIA, caps, Limits::default());
+        let recorded = card.recorded();
+        assert_eq!(
+            (recorded.kind, recorded.vendor, recorded.to_string()),
+            (
+                DeviceKind::Graphics,
+                Some(VENDOR_NVIDIA),
+                "card (driver)".to_owned()
+            )
+        );
+        let spec = AccelSpec::default();
+        let tracing = |kind: TracingMode| kind.features(&card, &spec).tracing.unwrap();
+        assert_eq!(tracing(TracingMode::Query), "ray queries, emulated");
+        assert_eq!(tracing(TracingMode::Compute), "compute shader");
+        assert!(
+            TracingMode::ALL
+                .iter()
+                .all(|kind| kind.features(&card, &spec).hierarchy.is_some()
+                    == (*kind == TracingMode::Compute)),
+            "only a compute shader traverses a BVH of this program"
+        );
+        card.software = true;
+        assert_eq!(card.recorded().kind, DeviceKind::EmulatedGraphics);
+        assert_eq!(card.line(), "card (driver)");
     }
 }

@@ -183,7 +183,10 @@ impl VulkanRenderer {
             open_stats: OpenStats {
                 upload_s,
                 pipeline_s,
-                device: device.info.line(),
+                devices: vec![lumbre_render::Device {
+                    features: kind.features(&device.info, &job.accel),
+                    ..device.info.recorded()
+                }],
                 scene: scene.memory(),
                 ..built
             },

@@ -109,7 +109,7 @@ fn measure_one(
     let open_s = start.elapsed().as_secs_f64();
     let stats = renderer.open_stats();
     let (upload_s, build_s, pipeline_s) = (stats.upload_s, stats.accel_build_s, stats.pipeline_s);
-    let device = stats.device.clone();
+    let device = stats.device_line();
     let samples = wave_samples(renderer.as_mut())?;
     let metrics = protocol_metrics();
     let evaluator = Evaluator::new(&metrics, Arc::new(renderer.film().mean()));

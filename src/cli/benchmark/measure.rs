@@ -224,7 +224,7 @@ fn measure_task(task: &Task, job: Job, share_s: f64) -> Result<(BenchmarkCell, S
         picture_mean,
         checksum,
     };
-    Ok((cell, stats.device.clone()))
+    Ok((cell, stats.device_line()))
 }
 
 /// Returns the hash of the sums of a film, and its mean radiance.

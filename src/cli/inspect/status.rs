@@ -252,7 +252,8 @@ impl NightStatus<'_> {
             let row = current.curve.last();
             CurrentRun {
                 name: self.name(current.cell),
-                device: current.open.device.clone(),
+                device: current.open.device_line(),
+                devices: current.open.devices.clone(),
                 samples: row.map(|r| r.samples),
                 render_s: row.map(|r| r.render_s),
             }

@@ -167,7 +167,7 @@ impl Worker {
                     self.shared.publish(slot, |view| {
                         view.scene = Some(Arc::clone(&opened.scene));
                         view.run = Some(Arc::new((opened.camera.clone(), opened.job.clone())));
-                        view.device = opened.renderer.open_stats().device.clone();
+                        view.device = opened.renderer.open_stats().device_line();
                         view.status = Status::Rendering;
                     });
                     self.show_coarse(slot, &opened);

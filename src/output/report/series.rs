@@ -20,6 +20,8 @@ pub struct Series {
     pub group: String,
     /// Device, if known.
     pub device: Option<String>,
+    /// Whether the group is named after the device.
+    pub names_device: bool,
     /// Long name of the integrator, if the label is its short name.
     pub long: Option<&'static str>,
 }
@@ -61,6 +63,7 @@ mod tests {
             colour: None,
             group: String::new(),
             device: None,
+            names_device: false,
             long: None,
         };
         assert_eq!(series.label_within(10.0, 200.0), "technique = bdpt");

@@ -218,6 +218,7 @@ impl<'a> Study<'a> {
                     group.extend(device.clone());
                 }
                 group.dedup();
+                let names_device = device.as_ref().is_some_and(|device| group.contains(device));
                 let ([label, short_label], long) =
                     self.series_label(night, run, &integrator_axes, mixed);
                 let series = self.find_or_add_series(Series {
@@ -226,6 +227,7 @@ impl<'a> Study<'a> {
                     colour: self.series_colour(night, run),
                     group: group.join(", "),
                     device,
+                    names_device,
                     long,
                 });
                 let facet = self.find_or_add_facet(run);
@@ -304,6 +306,7 @@ impl<'a> Study<'a> {
         };
         if self.series[index].device.is_none() {
             self.series[index].device = series.device;
+            self.series[index].names_device = series.names_device;
         }
         index
     }
@@ -428,8 +431,7 @@ impl<'a> Study<'a> {
                     let Some(device) = &series.device else {
                         continue;
                     };
-                    let in_group = series.group.contains(device.as_str());
-                    let text = if in_group || series.group.is_empty() {
+                    let text = if series.names_device || series.group.is_empty() {
                         device.clone()
                     } else {
                         format!("{}: {device}", series.group)

@@ -305,11 +305,8 @@ impl Follower {
         let render = run.config().ok().and_then(|config| config.render);
         let config = render.as_ref().and_then(outline::cell_config);
         let open = match &line.event {
-            JournalEvent::CellStarted(start) => start.open.stats(&start.device),
-            JournalEvent::ShardStarted(start) => OpenStats {
-                device: start.device.clone(),
-                ..OpenStats::default()
-            },
+            JournalEvent::CellStarted(start) => start.stats(),
+            JournalEvent::ShardStarted(start) => start.stats(),
             _ => OpenStats::default(),
         };
         let reference = match cell {

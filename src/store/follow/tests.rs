@@ -17,6 +17,7 @@ use crate::store::schema::run::{BiasCheckFile, DoneFile, RunResults};
 use crate::store::tests::{decode, finish_run, only_run_of, plan, results, row};
 use crate::store::{FILMS, LEASE, PlanSnapshot, RunWriter, Store, StoredFile, WorkerInfo};
 use lumbre_light::film::time::TimeAxis;
+use lumbre_render::Device;
 
 /// Polls once, and describes the events.
 fn poll(follower: &mut Follower) -> Vec<String> {
@@ -31,7 +32,7 @@ fn poll(follower: &mut Follower) -> Vec<String> {
             cell, config, open, ..
         } => {
             let technique = config.map_or_else(|| "unknown".to_owned(), |config| config.integrator);
-            format!("{cell:?} starts {technique} on {}", open.device)
+            format!("{cell:?} starts {technique} on {}", open.device_line())
         }
         FollowEvent::Wave { cell, row } => format!("{cell:?} has {}", row.samples),
         FollowEvent::CellFinished {
@@ -96,7 +97,7 @@ fn night_start() -> JournalEvent {
 fn started(run: &str) -> JournalEvent {
     JournalEvent::CellStarted(RunStart {
         run: run.to_owned(),
-        device: "mock".to_owned(),
+        devices: vec![Device::from_line("mock")],
         ..RunStart::default()
     })
 }
@@ -277,7 +278,7 @@ fn workers_are_followed_by_their_own_journals() {
             count: 2,
             ..ShardRecord::default()
         },
-        device: "mock".to_owned(),
+        ..ShardStart::default()
     };
     b.journal(JournalEvent::ShardStarted(shard)).unwrap();
     let old = std::time::SystemTime::now() - 2 * LEASE;

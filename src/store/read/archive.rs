@@ -291,6 +291,6 @@ fn load_finished(
         folder: folder.to_owned(),
         rows: measurements.in_order(columns.iter().map(String::as_str)),
         floors: floors.into(),
-        open: results.open.stats(&results.device),
+        open: results.open.stats(results.devices()),
     }))
 }

@@ -20,7 +20,7 @@ use crate::store::schema::run::{BiasCheckFile, DONE, DoneFile, REFERENCE, RunRes
 use crate::store::{Store, StoreError};
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
-use lumbre_render::Peer;
+use lumbre_render::device::devices_line;
 
 /// Reads a night from its folder. References are read from the folder `refs` beside it, and runs
 /// that an earlier night of the same name finished from that night's folder. Runs and references
@@ -137,6 +137,7 @@ fn run_result(
     let damaged = found.is_err();
     let (rows, done) = found.unwrap_or_default();
     let results = done.as_deref().and_then(DoneFile::rendered);
+    let devices = results.map(RunResults::devices).unwrap_or_default();
     RunResult {
         path: cell.path.clone(),
         point: cell.point.0.clone(),
@@ -148,8 +149,8 @@ fn run_result(
         max_depth: cell.max_depth,
         resolution: cell.resolution,
         device: results.map(device).filter(|device| !device.is_empty()),
-        peer: results.and_then(|results| results.open.peer.as_ref().map(Peer::from)),
-        lanes: results.and_then(|results| results.open.lanes),
+        peer: devices.iter().find_map(|device| device.peer.clone()),
+        lanes: devices.iter().find_map(|device| device.features.lanes),
         accel: results.map(|results| (results.open.accel_build_s, results.open.accel_nodes)),
         accel_size: results.map(|results| (results.open.accel_bytes, results.open.accel_cost)),
         reference: cell.reference,
@@ -209,11 +210,12 @@ impl Store {
 /// Device that a run was rendered on, for people. Of threads of a processor, the model of the
 /// processor is stated, since workers of one night may differ.
 fn device(results: &RunResults) -> String {
-    match results.open.threads {
+    let devices = results.devices();
+    match devices.first().and_then(|device| device.threads) {
         Some(threads) if !results.processor.is_empty() => {
             format!("{}, {threads} threads", results.processor)
         }
-        _ => results.device.clone(),
+        _ => devices_line(&devices),
     }
 }
 

@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::run::{BiasCheckFile, OpenCost, PeerProgram};
+use super::run::{BiasCheckFile, OpenCost};
 use super::values::{Named, Real};
 use super::{Field, RecordRow, Version, records};
 use crate::experiment::forecast::Forecast;
@@ -12,7 +12,7 @@ use crate::experiment::outcome::Level;
 use crate::experiment::shards::Shard;
 use crate::experiment::{CellRef, EndCause, Event, Outcome, Plan, WaveRow};
 use lumbre_light::scene::compile::SceneMemory;
-use lumbre_render::{OpenStats, Peer};
+use lumbre_render::{Device, OpenStats};
 
 /// Fields of [`Forecast`], which the journal stores as it is.
 pub(crate) const FORECAST: RecordRow = RecordRow {
@@ -107,8 +107,12 @@ records! {
         pub run: String,
         /// Readable path; `reference` for references.
         pub path: String,
-        /// Device that renders it.
-        pub device: String,
+        /// Devices that render it, as in `done.json`.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        pub devices: Vec<Device>,
+        /// Line about the device for people. Only of lines of earlier versions, without `devices`.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub device: Option<String>,
         /// Cost of opening the renderer.
         pub open: OpenCost,
     }
@@ -148,8 +152,12 @@ records! {
         pub run: String,
         /// Shard of the reference.
         pub shard: ShardRecord,
-        /// Device that renders it.
-        pub device: String,
+        /// Devices that render it, as in `done.json`.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        pub devices: Vec<Device>,
+        /// Line about the device for people. Only of lines of earlier versions, without `devices`.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub device: Option<String>,
     }
 
     /// End of a shard.
@@ -330,18 +338,16 @@ impl From<&OpenStats> for OpenCost {
             accel_cost: open.accel_cost,
             geometry_bytes: (open.scene.geometry > 0).then_some(open.scene.geometry),
             texture_bytes: (open.scene.geometry > 0).then_some(open.scene.textures),
-            threads: (open.threads > 0).then_some(open.threads),
-            lanes: (open.lanes > 0).then_some(open.lanes),
-            peer: open.peer.as_ref().map(PeerProgram::from),
+            ..OpenCost::default()
         }
     }
 }
 
 impl OpenCost {
-    /// Statistics of opening a renderer on a device.
-    pub fn stats(&self, device: &str) -> OpenStats {
+    /// Statistics of opening a renderer on some devices.
+    pub fn stats(&self, devices: Vec<Device>) -> OpenStats {
         OpenStats {
-            device: device.to_owned(),
+            devices,
             accel_build_s: self.accel_build_s,
             accel_nodes: self.accel_nodes,
             accel_bytes: self.accel_bytes,
@@ -350,11 +356,24 @@ impl OpenCost {
                 geometry: self.geometry_bytes.unwrap_or(0),
                 textures: self.texture_bytes.unwrap_or(0),
             },
-            threads: self.threads.unwrap_or(0),
-            lanes: self.lanes.unwrap_or(0),
-            peer: self.peer.as_ref().map(Peer::from),
             ..OpenStats::default()
         }
+    }
+}
+
+impl RunStart {
+    /// Statistics of opening the renderer.
+    pub fn stats(&self) -> OpenStats {
+        let devices = self.open.devices(&self.devices, self.device.as_deref());
+        self.open.stats(devices)
+    }
+}
+
+impl ShardStart {
+    /// Statistics of opening the renderer, of which only the devices are known.
+    pub fn stats(&self) -> OpenStats {
+        let open = OpenCost::default();
+        open.stats(open.devices(&self.devices, self.device.as_deref()))
     }
 }
 
@@ -373,7 +392,8 @@ impl JournalEvent {
             Event::CellStarted { cell, open, .. } => JournalEvent::CellStarted(RunStart {
                 run: run(*cell),
                 path: path(plan, *cell).to_owned(),
-                device: open.device.clone(),
+                devices: open.devices.clone(),
+                device: None,
                 open: open.into(),
             }),
             Event::CellFinished {
@@ -400,7 +420,8 @@ impl JournalEvent {
             Event::ShardStarted { shard, open, .. } => JournalEvent::ShardStarted(ShardStart {
                 run: run(CellRef::Reference(shard.reference)),
                 shard: shard.into(),
-                device: open.device.clone(),
+                devices: open.devices.clone(),
+                device: None,
             }),
             Event::ShardFinished {
                 shard,

@@ -8,6 +8,7 @@
 //!
 //! Pictures, tables and figures are described by their writers in [`crate::output`].
 
+mod device;
 pub mod journal;
 pub mod plan;
 pub mod process;

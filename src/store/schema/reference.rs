@@ -1,6 +1,7 @@
 //! Reference page of files, generated from the structures of the schema.
 
 use super::RecordRow;
+use super::device::{DEVICE, FEATURES, PEER};
 use super::journal::{
     FORECAST, MessageRecord, NightStart, RunEnd, RunStart, ShardEnd, ShardRecord, ShardStart,
     WaveRecord,
@@ -13,8 +14,8 @@ use super::plan::{
 use super::process::{AffinityFile, ClaimFile, HeartbeatFile, IndexHeader, Owner, RenderDevice};
 use super::run::{
     BiasCheckFile, CheckpointHead, ConfigFile, DifferingBlock, FailedFile, FileSum,
-    ImportedReference, ModifiedShaders, OpenCost, PeerProgram, PixelFilter, RenderSettings,
-    RunResults, WaveCounts,
+    ImportedReference, ModifiedShaders, OpenCost, PixelFilter, RenderSettings, RunResults,
+    WaveCounts,
 };
 use super::status::{
     CellCounts, CurrentRun, FailureRecord, ReferenceCounts, ShardCounts, StatusReport,
@@ -38,8 +39,10 @@ const FILES: &[(&str, &[RecordRow])] = &[
         &[
             RunResults::ROW,
             ImportedReference::ROW,
+            DEVICE,
+            FEATURES,
+            PEER,
             OpenCost::ROW,
-            PeerProgram::ROW,
             FileSum::ROW,
         ],
     ),

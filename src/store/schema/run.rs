@@ -12,7 +12,7 @@ use crate::experiment::bias_check::BiasCheckResult;
 use crate::experiment::plan::ReferenceSource;
 use lumbre_light::film::ztest::Judged;
 use lumbre_light::value::Value;
-use lumbre_render::Peer;
+use lumbre_render::{Device, Peer};
 
 /// Name of the last file of a run.
 pub const DONE: &str = "done.json";
@@ -202,24 +202,15 @@ records! {
         /// Bytes of texels, of the environment map too; absent if unknown.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub texture_bytes: Option<u64>,
-        /// Threads of the processor that rendered; absent on another device, or if unknown.
+        /// Threads of the processor. Only of files of earlier versions, whose `device` is a line.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub threads: Option<u32>,
-        /// Number of paths that the processor traced at a time, one in each lane of a vector; absent on
-        /// another device, or if unknown.
+        /// Number of paths that the processor traced at a time. Only of files of earlier versions.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub lanes: Option<u32>,
-        /// External program that rendered; absent if there is none.
+        /// External program that rendered. Only of files of earlier versions.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        pub peer: Option<PeerProgram>,
-    }
-
-    /// External program that rendered a run.
-    pub struct PeerProgram {
-        /// Name of the program, with its version if known.
-        pub program: String,
-        /// Whether its render time is the wall-clock time of its processes.
-        pub wall_clock: bool,
+        pub peer: Option<Peer>,
     }
 
     /// `done.json` of a run, and `ref.json` of a rendered reference: how it ended.
@@ -263,8 +254,12 @@ records! {
         pub films: Vec<String>,
         /// Seed of the random numbers; of a reference, that of its first half.
         pub seed: u64,
-        /// Device that rendered it.
-        pub device: String,
+        /// Devices that rendered it; one, unless shards of a reference were rendered on several.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        pub devices: Vec<Device>,
+        /// Line about the device for people. Only of files of earlier versions, without `devices`.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub device: Option<String>,
         /// Model of the processor.
         pub processor: String,
         /// Cost of opening the renderer.
@@ -339,24 +334,6 @@ records! {
         pub invalid: u64,
         /// Column, row and sample of the first invalid sample.
         pub first_invalid: Option<[u64; 3]>,
-    }
-}
-
-impl From<&Peer> for PeerProgram {
-    fn from(peer: &Peer) -> PeerProgram {
-        PeerProgram {
-            program: peer.program.clone(),
-            wall_clock: peer.wall_clock,
-        }
-    }
-}
-
-impl From<&PeerProgram> for Peer {
-    fn from(peer: &PeerProgram) -> Peer {
-        Peer {
-            program: peer.program.clone(),
-            wall_clock: peer.wall_clock,
-        }
     }
 }
 

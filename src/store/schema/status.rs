@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 use serde_json::Value as Json;
 
 use super::{files, records};
+use lumbre_render::Device;
 
 files! {
     /// Progress of a night.
@@ -74,8 +75,10 @@ records! {
     pub struct CurrentRun {
         /// Readable name of the cell or reference.
         pub name: String,
-        /// Device that renders it.
+        /// Line about the devices that render it, for people.
         pub device: String,
+        /// Devices that render it, as in `done.json`.
+        pub devices: Vec<Device>,
         /// Samples per pixel at its last measurement; `null` before.
         pub samples: Option<u64>,
         /// Seconds inside the renderer at its last measurement; `null` before.

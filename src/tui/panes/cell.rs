@@ -130,7 +130,7 @@ impl Sheet {
         if let Some(scene) = plan.scene(current.cell) {
             lines.push((10, self.camera(scene)));
         }
-        if !current.open.device.is_empty() && !self.has_device_pane {
+        if !current.open.devices.is_empty() && !self.has_device_pane {
             lines.push((8, self.device(&current.open)));
         }
         lines.push((1, self.speed(row)));
@@ -267,7 +267,7 @@ impl Sheet {
 
     fn device(&self, open: &OpenStats) -> Line<'static> {
         let device = format::fit(
-            &format::clean(&open.device),
+            &format::clean(&open.device_line()),
             self.width,
             self.caps.glyphs().ellipsis,
         );

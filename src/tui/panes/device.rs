@@ -41,8 +41,8 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
     frame.render_widget(block, area);
     let width = usize::from(inner.width);
     let ellipsis = caps.glyphs().ellipsis;
-    let device = current.map_or("", |current| current.open.device.as_str());
-    let mut lines = match device {
+    let device = current.map_or_else(String::new, |current| current.open.device_line());
+    let mut lines = match device.as_str() {
         "" => vec![Line::styled("no run has started yet", caps.dim())],
         device => vec![Line::from(format::fit(
             &format::clean(device),

@@ -7,6 +7,8 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::experiment::memory;
+use lumbre_render::Device;
+use lumbre_render::device::{VENDOR_AMD, VENDOR_NVIDIA};
 
 /// Time between two readings of files.
 const EVERY: Duration = Duration::from_secs(2);
@@ -40,8 +42,8 @@ pub struct Gauges {
 }
 
 impl Gauges {
-    /// Updates readings that are out of date. `device` is the name of the device that renders.
-    pub fn refresh(&mut self, device: &str) {
+    /// Updates readings that are out of date. `devices` are those that render.
+    pub fn refresh(&mut self, devices: &[Device]) {
         if self.asked.is_some_and(|at| at.elapsed() < EVERY) {
             return;
         }
@@ -57,14 +59,15 @@ impl Gauges {
             memory::available_and_total().map(|[free, all]| [all.saturating_sub(free), all]);
         self.resident = memory::process_bytes("self", "VmRSS:");
         self.cpu.celsius = hottest(Path::new("/sys/class/thermal"));
-        if let Some(gpu) = self.graphics(device) {
+        if let Some(gpu) = self.graphics(devices) {
             self.gpu = gpu;
         }
     }
 
     /// Reads the GPU's gauges, if the night renders on one and they are out of date.
-    fn graphics(&mut self, device: &str) -> Option<Reading> {
-        if device.contains("NVIDIA") {
+    fn graphics(&mut self, devices: &[Device]) -> Option<Reading> {
+        let vendor = devices.iter().find_map(|device| device.vendor);
+        if vendor == Some(VENDOR_NVIDIA) {
             if self.asked_tool.is_some_and(|at| at.elapsed() < EVERY_TOOL) {
                 return None;
             }
@@ -82,7 +85,7 @@ impl Gauges {
             .ok()?
             .flatten()
             .map(|card| card.path().join("device"));
-        device.contains("AMD").then(|| {
+        (vendor == Some(VENDOR_AMD)).then(|| {
             cards
                 .map(|card| amd(&card))
                 .find(|reading| reading.busy.is_some())
@@ -222,9 +225,25 @@ mod tests {
     #[test]
     fn readings_are_not_repeated_for_every_frame() {
         let mut gauges = Gauges::default();
-        gauges.refresh("cpu");
+        gauges.refresh(&[]);
         let asked = gauges.asked;
-        gauges.refresh("cpu");
+        gauges.refresh(&[]);
         assert_eq!(gauges.asked, asked);
+    }
+
+    #[test]
+    fn the_tool_of_a_vendor_is_called_for_its_devices_only() {
+        let card = |vendor| Device {
+            vendor: Some(vendor),
+            ..Device::from_line("NVIDIA")
+        };
+        let is_called = |devices: &[Device]| {
+            let mut gauges = Gauges::default();
+            gauges.graphics(devices);
+            gauges.asked_tool.is_some()
+        };
+        assert!(is_called(&[Device::processor(2), card(VENDOR_NVIDIA)]));
+        assert!(!is_called(&[card(VENDOR_AMD)]));
+        assert!(!is_called(&[Device::from_line("NVIDIA")]));
     }
 }

@@ -76,11 +76,9 @@ pub fn draw_for(
             continue;
         }
         let copy = model.clone();
-        let device = copy
-            .current
-            .as_ref()
-            .map_or("", |current| current.open.device.as_str());
-        view.gauges.borrow_mut().refresh(device);
+        let current = copy.current.as_ref();
+        let devices = current.map_or(&[][..], |current| &current.open.devices);
+        view.gauges.borrow_mut().refresh(devices);
         terminal.draw(|frame| panes::draw(frame, &copy, &view))?;
         frames += 1;
         shown = Some((facts, Instant::now()));

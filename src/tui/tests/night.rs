@@ -21,7 +21,7 @@ use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
-use lumbre_render::OpenStats;
+use lumbre_render::{Device, OpenStats};
 
 fn scene() -> SceneDesc {
     SceneDesc {
@@ -247,7 +247,7 @@ impl NightBuilder {
         let open = OpenStats {
             accel_build_s: 0.0021,
             accel_nodes: 1234,
-            device: "cpu, 2 threads, PLOC BVH".to_owned(),
+            devices: vec![Device::from_line("cpu, 2 threads, PLOC BVH")],
             ..OpenStats::default()
         };
         let reference = matches!(cell, CellRef::Cell(_)).then(|| picture(1 << 20));

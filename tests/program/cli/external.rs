@@ -169,7 +169,12 @@ fn mitsuba_renders_the_same_picture_and_reports_its_own_render_time() {
         .collect();
     let mitsuba = finished
         .iter()
-        .find(|done| done["device"].as_str().unwrap().contains("Mitsuba"))
+        .find(|done| {
+            done["devices"][0]["peer"]["program"]
+                .as_str()
+                .unwrap_or_default()
+                .contains("Mitsuba")
+        })
         .unwrap();
     let own = finished
         .iter()

@@ -326,13 +326,10 @@ fn commands_run_only_with_permission_and_the_plan_shows_them() {
     succeed(&place, &["run", "peers.lua", "--allow-commands", "-q"]);
     assert_eq!(place.read("asked"), "x", "the version is asked for once");
     let done = place.json(&place.finished()[0].0);
-    assert!(
-        done["device"]
-            .as_str()
-            .unwrap()
-            .ends_with("threads, fake 2.0; beta"),
-        "{done}"
-    );
+    let device = &done["devices"][0];
+    assert_eq!(device["kind"], "processor", "{done}");
+    assert!(device["threads"].as_u64() > Some(0), "{done}");
+    assert_eq!(device["peer"]["program"], "fake 2.0; beta", "{done}");
     // The options of a recorded command are no permission: its folder may come from someone else.
     let refused = run(&place, &["retry"]);
     assert_eq!(refused.status, 2, "{}", refused.stderr);

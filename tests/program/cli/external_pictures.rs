@@ -5,6 +5,7 @@ use std::path::Path;
 use std::process::Command;
 
 use lumbre_light::film::Image;
+use lumbre_render::Device;
 
 use super::external_commands::{no_temporary_files, place, run, succeed};
 use super::workplace::Workplace;
@@ -50,7 +51,8 @@ return x
         let is_own = |file: &String| file.contains(&folder) && file.ends_with("/done.json");
         let done = place.files("out").into_iter().find(is_own).unwrap();
         let record = place.json(&done);
-        assert_eq!(record["device"], "cpu, 1 threads, noise 1.0");
+        let device: Device = serde_json::from_value(record["devices"][0].clone()).unwrap();
+        assert_eq!(device.to_string(), "cpu, 1 threads, noise 1.0");
         let bytes = std::fs::read(place.path(&done.replace("done.json", "final.exr"))).unwrap();
         let (image, _) = lumbre::output::exr::decode(&bytes).unwrap();
         // 1152 means of 256 uniform numbers each.

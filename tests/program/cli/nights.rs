@@ -78,7 +78,7 @@ fn a_run_folder_holds_its_configuration_results_and_log() {
     assert_eq!(done["run"], id);
     assert_eq!(done["samples"], 16);
     assert_eq!(done["invalid"], 0);
-    assert_eq!(done["device"], "mock, on a fake clock");
+    assert_eq!(done["devices"][0]["kind"], "mock");
     assert_eq!(done["seed"], config["seed"]);
     assert!(done["program"].as_str().unwrap().starts_with("lumbre "));
     assert!(

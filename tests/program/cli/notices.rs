@@ -122,6 +122,7 @@ fn wrong_options_are_errors_of_the_script() {
 fn the_status_has_a_version_and_reads_back() {
     use lumbre::store::StoredFile;
     use lumbre::store::schema::status::StatusReport;
+    use lumbre_render::Device;
     let place = Workplace::new();
     run(&place, APPEND);
     let text = place.succeed(&["status", "--json"]).stdout;
@@ -129,4 +130,23 @@ fn the_status_has_a_version_and_reads_back() {
     assert_eq!((report.state.as_str(), report.cells.done), ("over", 2));
     let json: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert_eq!(json["version"], 1);
+    // A run that has only started is rendered by devices, which are fields and a line.
+    let (done, _) = &place.finished()[0];
+    let run = done.rsplit('/').nth(1).unwrap();
+    let started = |line: &&str| {
+        line.contains("\"night_started\"")
+            || line.contains("\"cell_started\"") && line.contains(run)
+    };
+    let journal = place.read("out/latest/journal.jsonl");
+    let cut: Vec<&str> = journal.lines().filter(started).collect();
+    assert_eq!(cut.len(), 2, "{journal}");
+    place.write("out/latest/journal.jsonl", &format!("{}\n", cut.join("\n")));
+    std::fs::remove_file(place.path(done)).unwrap();
+    let text = place.succeed(&["status", "--json"]).stdout;
+    let current = StatusReport::parse(text.as_bytes())
+        .unwrap()
+        .current
+        .unwrap();
+    assert_eq!(current.devices, [Device::mock()]);
+    assert_eq!(current.device, "mock, on a fake clock");
 }

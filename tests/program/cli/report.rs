@@ -5,6 +5,7 @@ use std::process::Command;
 use super::workplace::Workplace;
 use lumbre::store::StoredFile;
 use lumbre::store::schema::run::DoneFile;
+use lumbre_render::Device;
 
 /// Two techniques with two repeats, a reference, two metrics and snapshots, on the mock backend.
 const NIGHT: &str = r#"
@@ -195,7 +196,7 @@ fn nights_of_two_machines_are_compared_only_if_both_devices_are_named() {
         let DoneFile::Rendered(results) = &mut facts else {
             panic!("{done}")
         };
-        results.device = "Another GPU".to_owned();
+        results.devices = vec![Device::from_line("Another GPU")];
         let files = facts.files().clone();
         place.write(done, &facts.sealed(files).text());
     }

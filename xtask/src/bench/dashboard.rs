@@ -11,7 +11,7 @@ use lumbre::experiment::processor_time;
 use lumbre::experiment::{CellRef, PlanOutline, WaveRow};
 use lumbre::tui::model::night::NightModel;
 use lumbre::tui::terminal::offscreen::{DrawStats, draw_for};
-use lumbre_render::OpenStats;
+use lumbre_render::{Device, OpenStats};
 
 /// Duration of a measurement.
 const TIME: Duration = Duration::from_secs(8);
@@ -52,7 +52,7 @@ fn measure_one(size: (u16, u16)) -> Result<DashboardCost, String> {
         model.start_run(
             cell,
             OpenStats {
-                device: "cpu".to_owned(),
+                devices: vec![Device::processor(1)],
                 ..OpenStats::default()
             },
             Some(pictures[0].clone()),

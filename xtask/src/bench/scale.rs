@@ -19,6 +19,7 @@ use lumbre::store::schema::values::{Named, Real};
 use lumbre::store::write::{manifest_checksum, metrics_csv};
 use lumbre::store::{Follower, StoredFile, list_experiments, plan_file, utc};
 use lumbre::tui::model::night::NightModel;
+use lumbre_render::Device;
 
 /// Reason of the end of every run.
 const REASON: &str = "1 sample per pixel";
@@ -157,7 +158,7 @@ fn write_night(plan: &Plan, folder: &Path) -> std::io::Result<()> {
         journal += &line(JournalEvent::CellStarted(RunStart {
             run: cell.run.clone(),
             path: cell.path.clone(),
-            device: "cpu".to_owned(),
+            devices: vec![Device::processor(1)],
             ..RunStart::default()
         }));
         journal += &line(JournalEvent::CellFinished(end(cell)));

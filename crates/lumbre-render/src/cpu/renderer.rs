@@ -24,8 +24,9 @@ use super::films::time_film::{SlotRow, TimeFilm, TimeRowFilm};
 use super::prepared::{CountingTrace, PreparedJob};
 use super::prepared_scene::PreparedScene;
 use super::wavefront::Wavefront;
+use crate::device::Features;
 use crate::hierarchy::{AccelSpec, Builder};
-use crate::{Abandoned, Job, OpenStats, RenderError, Renderer, WaveStats};
+use crate::{Abandoned, Device, Job, OpenStats, RenderError, Renderer, WaveStats};
 use lumbre_light::film::Film;
 use lumbre_light::film::layer::LayerFilm;
 use lumbre_light::film::splat::{SplatBuffer, SplatSums};
@@ -108,9 +109,7 @@ impl CpuRenderer {
             accel_bytes: accel.bytes() as u64,
             accel_cost: accel.cost(),
             scene: accel.scene.memory(),
-            device: device_line(accel, pool.current_num_threads(), lanes > 1),
-            threads: u32::try_from(pool.current_num_threads()).unwrap_or(0),
-            lanes,
+            devices: vec![device(accel, pool.current_num_threads(), lanes)],
             ..OpenStats::default()
         };
         Ok(CpuRenderer {
@@ -263,11 +262,10 @@ impl CpuRenderer {
     }
 }
 
-/// Returns a line for users that states the number of threads, the hierarchy and the instruction
-/// set.
-fn device_line(accel: &Accel, threads: usize, vectorised: bool) -> String {
+/// Returns the threads of the processor that traverse a hierarchy, with `lanes` paths at a time each.
+fn device(accel: &Accel, threads: usize, lanes: u32) -> Device {
     let (spec, plain) = (&accel.spec, AccelSpec::default());
-    let tree = match spec.builder {
+    let hierarchy = match spec.builder {
         Builder::None => "no hierarchy".to_owned(),
         Builder::Cwbvh => format!("compressed BVH by {}", spec.describe()),
         _ if AccelSpec {
@@ -280,11 +278,15 @@ fn device_line(accel: &Accel, threads: usize, vectorised: bool) -> String {
         }
         _ => format!("eight-wide BVH by {}", spec.describe()),
     };
-    let suffix = if vectorised { ", vectorised" } else { "" };
-    format!(
-        "cpu, {threads} threads, {tree}, {}{suffix}",
-        accel.isa().name()
-    )
+    Device {
+        features: Features {
+            hierarchy: Some(hierarchy),
+            instructions: Some(accel.isa().name().to_owned()),
+            lanes: Some(lanes),
+            tracing: None,
+        },
+        ..Device::processor(u32::try_from(threads).unwrap_or(u32::MAX))
+    }
 }
 
 /// Sums of one row of pixels in the films beside the main one.
@@ -516,5 +518,48 @@ impl Renderer for CpuRenderer {
 
     fn open_stats(&self) -> &OpenStats {
         &self.open_stats
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hierarchy::LaneMode;
+    use lumbre_light::scene::compile;
+    use lumbre_light::scene::load::load;
+    use lumbre_light::transport::integrator::integrator;
+
+    #[test]
+    fn the_device_states_threads_hierarchy_instructions_and_lanes() {
+        let file = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../scenes/cornell/cornell.scn"
+        );
+        let (desc, _) = load(file.as_ref()).unwrap();
+        let scene = Arc::new(compile(&desc).unwrap().0);
+        let open = |builder, lanes| {
+            let mut job = Job::plain(integrator("nee").unwrap(), [8, 8], 3, 7);
+            job.threads = 2;
+            (job.accel.builder, job.accel.lanes) = (builder, lanes);
+            let renderer = CpuRenderer::new(Arc::clone(&scene), job).unwrap();
+            renderer.open_stats().clone()
+        };
+        let isa = Isa::detect().name();
+        let plain = AccelSpec::default().builder;
+        for (builder, hierarchy) in [
+            (plain, "eight-wide BVH"),
+            (Builder::None, "no hierarchy"),
+            (Builder::Cwbvh, "compressed BVH by cwbvh medium"),
+            (Builder::Median, "eight-wide BVH by median"),
+        ] {
+            let open = open(builder, LaneMode::Never);
+            let line = format!("cpu, 2 threads, {hierarchy}, {isa}");
+            assert_eq!(open.device_line(), line);
+            assert_eq!(open.devices[0].features.lanes, Some(1));
+        }
+        let open = open(plain, LaneMode::Always);
+        let line = format!("cpu, 2 threads, eight-wide BVH, {isa}, vectorised");
+        assert_eq!(open.device_line(), line);
+        assert!(open.devices[0].features.lanes > Some(1));
     }
 }

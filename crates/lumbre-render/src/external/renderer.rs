@@ -13,7 +13,7 @@ use super::process::{Patience, Process, Talk};
 use super::server::Server;
 use super::technique::{SceneSource, Technique};
 use super::{Access, failed, interrupted, with_output, words};
-use crate::{Job, OpenStats, Peer, RenderError, Renderer, WaveStats};
+use crate::{Device, DeviceKind, Job, OpenStats, Peer, RenderError, Renderer, WaveStats};
 use lumbre_light::film::Film;
 use lumbre_light::film::layer::{LayerFilm, LayerLayout};
 use lumbre_light::film::state::{StateReader, write_u64s};
@@ -88,27 +88,21 @@ impl ExternalRenderer {
         .map_err(failed)?;
         let channels = layer_channels(&job.layers, &technique.layers).map_err(failed)?;
         let channels = channels.into_iter().map(str::to_owned).collect();
-        let mut peer = Peer {
-            program: program(&technique),
-            wall_clock: false,
+        let mut device = Device {
+            peer: Some(Peer {
+                program: program(&technique),
+                wall_clock: !technique.serve && technique.clock == Clock::Wall,
+            }),
+            ..Device::processor(u32::try_from(threads).unwrap_or(u32::MAX))
         };
-        let mut device = format!("cpu, {threads} threads, {}", peer.program);
-        let mut stated_threads = u32::try_from(threads).unwrap_or(0);
         let driver = if technique.serve {
             let words = words::fill(&technique.command, &values);
             let (server, line) = Server::start(&words, technique.timeout, access)?;
             if !line.is_empty() {
-                device = super::printable(&line);
-                let stated = stated_facts(&device);
-                stated_threads = stated.0;
-                peer.program = stated.1.unwrap_or(peer.program);
+                device = stated_device(&super::printable(&line), &program(&technique));
             }
             Driver::Server(Box::new(server))
         } else {
-            if technique.clock == Clock::Wall {
-                device += " (wall clock)";
-                peer.wall_clock = true;
-            }
             Driver::OneShot
         };
         Ok(ExternalRenderer {
@@ -128,9 +122,7 @@ impl ExternalRenderer {
             channels,
             render_s: 0.0,
             open_stats: OpenStats {
-                device,
-                threads: stated_threads,
-                peer: Some(peer),
+                devices: vec![device],
                 ..OpenStats::default()
             },
         })
@@ -301,17 +293,36 @@ impl Renderer for ExternalRenderer {
     }
 }
 
-/// Returns the threads of the processor, 0 on another device, and the program that the first line of
-/// a server states: `cpu, 8 threads, NAME VERSION`.
-fn stated_facts(line: &str) -> (u32, Option<String>) {
-    let program = line
-        .rsplit_once(", ")
-        .map(|(_, program)| program.to_owned());
-    let threads = line
-        .strip_prefix("cpu, ")
-        .and_then(|rest| rest.split_once(" threads"))
-        .and_then(|(threads, _)| threads.parse().ok());
-    (threads.unwrap_or(0), program)
+/// Parses what the first line of a server states after the version of the protocol: `cpu, 8 threads`
+/// or another device, then name and version of the program, or nothing for `program`.
+fn stated_device(stated: &str, program: &str) -> Device {
+    let processor = stated.strip_prefix("cpu, ").and_then(|rest| {
+        let (threads, rest) = rest.split_once(" threads")?;
+        let program = match rest {
+            "" => None,
+            rest => Some(rest.strip_prefix(", ")?),
+        };
+        Some((Device::processor(threads.parse().ok()?), program))
+    });
+    let (device, stated_program) = processor.unwrap_or_else(|| {
+        let (name, program) = match stated.rsplit_once(", ") {
+            Some((name, program)) => (name, Some(program)),
+            None => (stated, None),
+        };
+        let device = Device {
+            name: name.to_owned(),
+            kind: DeviceKind::External,
+            ..Device::default()
+        };
+        (device, program)
+    });
+    Device {
+        peer: Some(Peer {
+            program: stated_program.unwrap_or(program).to_owned(),
+            wall_clock: false,
+        }),
+        ..device
+    }
 }
 
 /// Returns the name and version of a technique's program, without commas, which separate the parts of
@@ -398,11 +409,43 @@ mod tests {
     }
 
     #[test]
-    fn a_servers_line_states_threads_and_program() {
-        let facts = |line| stated_facts(line);
-        let program = || Some("Ray 2.1".to_owned());
-        assert_eq!(facts("cpu, 8 threads, Ray 2.1"), (8, program()));
-        assert_eq!(facts("NVIDIA H100, Ray 2.1"), (0, program()));
-        assert_eq!(facts("some machine"), (0, None));
+    fn a_servers_line_states_device_and_program() {
+        let stated = |line| {
+            let device = stated_device(line, "fake 1");
+            let line = device.to_string();
+            (
+                device.name,
+                device.threads,
+                device.peer.unwrap().program,
+                line,
+            )
+        };
+        for (line, name, threads, program) in [
+            ("cpu, 8 threads, Ray 2.1", "cpu", Some(8), "Ray 2.1"),
+            ("NVIDIA H100, Ray 2.1", "NVIDIA H100", None, "Ray 2.1"),
+            (
+                "cpu, many threads, Ray 2.1",
+                "cpu, many threads",
+                None,
+                "Ray 2.1",
+            ),
+        ] {
+            let expected = (
+                name.to_owned(),
+                threads,
+                program.to_owned(),
+                line.to_owned(),
+            );
+            assert_eq!(stated(line), expected);
+        }
+        // Without a program, the technique's is known.
+        for (line, name, threads) in [
+            ("cpu, 8 threads", "cpu", Some(8)),
+            ("some machine", "some machine", None),
+        ] {
+            let whole = format!("{line}, fake 1");
+            let expected = (name.to_owned(), threads, "fake 1".to_owned(), whole);
+            assert_eq!(stated(line), expected);
+        }
     }
 }

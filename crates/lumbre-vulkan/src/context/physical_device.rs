@@ -8,14 +8,12 @@ use super::instance;
 use super::instance::Instance;
 use super::limits::{self, Limits};
 use crate::error::VulkanError;
-use lumbre_render::backend_choice;
+use lumbre_render::device::VENDOR_NVIDIA;
+use lumbre_render::{DeviceKind, backend_choice};
 
 /// Environment variable that selects a device by its index or a part of its name, as listed by
 /// `lumbre doctor`.
 pub const DEVICE_VARIABLE: &str = "LUMBRE_DEVICE";
-
-/// Number of the vendor NVIDIA.
-const VENDOR_NVIDIA: u32 = 0x10de;
 
 /// Capabilities of a device that the backends use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -108,9 +106,23 @@ impl DeviceInfo {
         }
     }
 
+    /// Returns the device as it is recorded, without the features that a run uses.
+    pub fn recorded(&self) -> lumbre_render::Device {
+        lumbre_render::Device {
+            name: self.name.clone(),
+            kind: match self.software {
+                true => DeviceKind::EmulatedGraphics,
+                false => DeviceKind::Graphics,
+            },
+            vendor: Some(self.vendor),
+            driver: Some(self.driver.clone()),
+            ..lumbre_render::Device::default()
+        }
+    }
+
     /// Returns a line for users: name and driver.
     pub fn line(&self) -> String {
-        format!("{} ({})", self.name, self.driver)
+        self.recorded().to_string()
     }
 
     /// Returns whether its driver most likely emulates ray-tracing pipelines by shaders: NVIDIA's
@@ -139,8 +151,8 @@ impl DeviceInfo {
     pub fn others_of_model(&self, listed: &[DeviceInfo]) -> Vec<usize> {
         let mut known = vec![self.uuid];
         let mut is_other = |other: &&DeviceInfo| {
-            let is_other =
-                !self.software && other.line() == self.line() && !known.contains(&other.uuid);
+            let is_same_model = (&other.name, &other.driver) == (&self.name, &self.driver);
+            let is_other = !self.software && is_same_model && !known.contains(&other.uuid);
             known.push(other.uuid);
             is_other
         };

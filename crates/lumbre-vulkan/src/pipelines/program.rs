@@ -11,13 +11,15 @@ use super::ray_tracing::{RayTracingPipeline, Shaders};
 use super::sources::Sources;
 use crate::accel::bvh::DeviceBvh;
 use crate::accel::structures::AccelerationStructures;
-use crate::context::{device::Device, physical_device::Caps};
+use crate::context::device::Device;
+use crate::context::physical_device::{Caps, DeviceInfo};
 use crate::error::VulkanError;
 use crate::films::device_film::SplatMode;
 use crate::layout::{Specialization, WaveParams};
 use crate::memory::upload::SceneBuffers;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::NONE;
+use lumbre_render::device::Features;
 use lumbre_render::hierarchy::AccelSpec;
 use lumbre_render::{Job, OpenStats};
 
@@ -46,6 +48,23 @@ impl TracingMode {
             TracingMode::Pipeline => "vulkan",
             TracingMode::Query => "vulkan-query",
             TracingMode::Compute => "vulkan-compute",
+        }
+    }
+
+    /// Returns the features that a run in this mode uses; `spec` are the settings of an own BVH.
+    pub fn features(self, device: &DeviceInfo, spec: &AccelSpec) -> Features {
+        let tracing = match self {
+            TracingMode::Pipeline => "ray-tracing pipelines",
+            TracingMode::Query => "ray queries",
+            TracingMode::Compute => "compute shader",
+        };
+        let is_emulated = self != TracingMode::Compute && device.emulates_tracing();
+        let suffix = if is_emulated { ", emulated" } else { "" };
+        Features {
+            hierarchy: (self == TracingMode::Compute)
+                .then(|| format!("BVH by {}", spec.describe())),
+            tracing: Some(format!("{tracing}{suffix}")),
+            ..Features::default()
         }
     }
 

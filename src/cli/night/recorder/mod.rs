@@ -130,8 +130,10 @@ impl<'a> Recorder<'a> {
             },
         );
         self.select_log(cell);
-        self.log
-            .run_line(LogLevel::INFO, &format!("started on {}", open.device));
+        self.log.run_line(
+            LogLevel::INFO,
+            &format!("started on {}", open.device_line()),
+        );
         Ok(())
     }
 

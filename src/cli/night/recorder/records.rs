@@ -27,7 +27,7 @@ pub(super) struct RunFacts {
     scene_hash: String,
     /// Seed of the run. For a reference, the seed of its first half.
     seed: u64,
-    /// Name of the device that renders it.
+    /// Line about the device that renders it.
     device: String,
     /// Description of its denoiser; empty without one.
     denoise: String,
@@ -60,7 +60,7 @@ impl RunFacts {
             },
             scene_hash: scene.map(|s| hex(content_hash(s))).unwrap_or_default(),
             seed,
-            device: open.device.clone(),
+            device: open.device_line(),
             denoise: denoise.map(Denoise::describe).unwrap_or_default(),
         }
     }
@@ -129,7 +129,8 @@ impl Recorder<'_> {
             halves: run.halves,
             films,
             seed: facts.seed,
-            device: facts.device.clone(),
+            devices: run.open.devices.clone(),
+            device: None,
             processor: Host::detect().cpu,
             open: (&run.open).into(),
             scene_hash: facts.scene_hash.clone(),

@@ -1,4 +1,4 @@
-//! Names, colours and the tone map that a script sets.
+//! Names, colours and the tone map that a script sets, and names of nights.
 
 use super::*;
 use crate::experiment::spec::Presentation;
@@ -34,4 +34,17 @@ fn the_script_names_and_colours_series_and_sets_the_tone_map() {
     // Without it, each figure states its own exposure.
     let plain = item(&one(), "figures/crops-equal-time-box").svg.clone();
     assert!(plain.unwrap().contains(">srgb (exposure"));
+}
+
+#[test]
+fn names_of_nights_that_contain_a_device_do_not_state_it() {
+    let nights = [night("RTX 4070", 1.0), night("RX 7600", 0.44)];
+    let options = ReportOptions {
+        names: ["new RTX 4070", "old"].map(str::to_owned).into(),
+        ..ReportOptions::default()
+    };
+    let made = report(&nights, &options);
+    let caption = &item(&made, "figures/error-time-rmse").caption;
+    let devices = "Times are from 2 devices: new RTX 4070: RTX 4070; old: RX 7600.";
+    assert!(caption.contains(devices), "{caption}");
 }
