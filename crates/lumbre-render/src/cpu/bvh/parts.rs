@@ -14,7 +14,7 @@ use super::build::BuildPrimitive;
 
 /// Parts are cut while they waste at least this multiple of the area of the scene's box over the
 /// number of primitives (docs/notes/rays.md).
-const LEAST_WASTE: f64 = 32.0;
+const LEAST_WASTE: f64 = 16.0;
 
 /// Boxes of parts are wider than the parts by this share of the triangle's greatest coordinate, since
 /// corners of parts and hits of rays are rounded.
