@@ -67,8 +67,10 @@ pub(super) struct Resolver<'a> {
     files: BTreeMap<(PathBuf, [u8; 32]), Arc<SceneDesc>>,
     /// Scenes with changes applied, by file, hash of options and hash of changes.
     edited: BTreeMap<(PathBuf, [u8; 32], [u8; 32]), Edited>,
-    /// Usable backends by their name as written.
-    backends: BTreeMap<String, &'static str>,
+    /// Backends by their name as written: to find that of `auto`, devices are asked.
+    backends: BTreeMap<String, &'static BackendRow>,
+    /// Names of the backends that this machine can use.
+    usable: BTreeSet<&'static str>,
     /// Versions of external programs by the command that prints them, or why they cannot be used.
     external_versions: BTreeMap<Vec<String>, Result<Option<String>, String>>,
     /// Version of Open Image Denoise, or why it cannot be used.
@@ -92,6 +94,7 @@ impl<'a> Resolver<'a> {
             files: BTreeMap::new(),
             edited: BTreeMap::new(),
             backends: BTreeMap::new(),
+            usable: BTreeSet::new(),
             external_versions: BTreeMap::new(),
             oidn_version: None,
             shaders: BTreeMap::new(),
@@ -162,10 +165,10 @@ impl<'a> Resolver<'a> {
         }
         let requested = std::mem::take(&mut config.backend);
         let is_own = config.shaders.folder().is_none();
-        if let Some(row) = crate::backends::backend(&requested) {
-            config.shaders = self.resolved_shaders(row, &config.shaders, point)?;
-        }
-        config.backend = self.backend(&requested, point)?.to_owned();
+        let row = self.backend(&requested, point)?;
+        config.shaders = self.resolved_shaders(row, &config.shaders, point)?;
+        self.probe(row, point)?;
+        row.name.clone_into(&mut config.backend);
         if is_own && requested == "auto" && config.backend != lumbre_render::cpu::ROW.name {
             config.fallback = Some(lumbre_render::cpu::ROW.name);
         }
@@ -344,8 +347,8 @@ impl<'a> Resolver<'a> {
         Ok(scene)
     }
 
-    /// Looks up a backend by name or `auto`, and probes it unless other machines render the plan.
-    fn backend(&mut self, name: &str, point: &Point) -> Result<&'static str, PlanError> {
+    /// Looks up a backend by name or `auto`, once for each name.
+    fn backend(&mut self, name: &str, point: &Point) -> Result<&'static BackendRow, PlanError> {
         if let Some(known) = self.backends.get(name) {
             return Ok(known);
         }
@@ -360,16 +363,21 @@ impl<'a> Resolver<'a> {
                     .chain(["auto"]),
             ),
         })?;
-        let unusable = |reason| PlanError::UnusableBackend {
-            point: describe(point),
-            name: row.name.to_owned(),
-            reason,
-        };
-        if !self.elsewhere {
-            (row.probe)().map_err(unusable)?;
+        self.backends.insert(name.to_owned(), row);
+        Ok(row)
+    }
+
+    /// Checks once that this machine can use a backend, if it is to render the plan.
+    fn probe(&mut self, row: &'static BackendRow, point: &Point) -> Result<(), PlanError> {
+        if !self.elsewhere && !self.usable.contains(row.name) {
+            (row.probe)().map_err(|reason| PlanError::UnusableBackend {
+                point: describe(point),
+                name: row.name.to_owned(),
+                reason,
+            })?;
+            self.usable.insert(row.name);
         }
-        self.backends.insert(name.to_owned(), row.name);
-        Ok(row.name)
+        Ok(())
     }
 }
 
