@@ -7,7 +7,7 @@ use glam::{Vec3, Vec3A};
 
 use super::aabb::Aabb;
 use super::binary::{BinaryNode, BinaryTree};
-use super::parts::cut_triangles;
+use super::parts::{MOST_ADDED, cut_triangles};
 use super::ploc::build_clusters;
 use super::reinsertion::reinsert;
 use crate::hierarchy::{AccelSpec, Builder, Quality};
@@ -42,31 +42,23 @@ impl BuildPrimitive {
     }
 }
 
-/// Settings of a quality.
-struct Preset {
-    /// Number of neighbours on each side that the clustering searches.
-    radius: usize,
-    /// Share of nodes that are candidates for reinsertion in the first round.
-    reinserted: f32,
-    /// Greatest number of primitives that cuts of long triangles add, as a share of the triangles.
-    cut: f32,
+/// Returns the settings of a quality: the radius of the search for neighbours in the clustering,
+/// and the share of nodes that are candidates for reinsertion in the first round.
+fn preset(quality: Quality) -> (usize, f32) {
+    match quality {
+        Quality::Fastest => (2, 0.0),
+        Quality::VeryFast => (4, 0.05),
+        Quality::Fast => (8, 0.1),
+        Quality::Medium => (14, 0.2),
+        Quality::Slow => (14, 0.5),
+        // All nodes in every round.
+        Quality::VerySlow => (14, 8.0),
+    }
 }
 
-fn preset(quality: Quality) -> Preset {
-    let (radius, reinserted, cut) = match quality {
-        Quality::Fastest => (2, 0.0, 0.0),
-        Quality::VeryFast => (4, 0.05, 0.5),
-        Quality::Fast => (8, 0.1, 0.5),
-        Quality::Medium => (14, 0.2, 0.5),
-        Quality::Slow => (14, 0.5, 0.5),
-        // All nodes in every round.
-        Quality::VerySlow => (14, 8.0, 0.5),
-    };
-    Preset {
-        radius,
-        reinserted,
-        cut,
-    }
+/// Returns whether long triangles are cut into parts before the tree is built.
+fn cuts(spec: &AccelSpec) -> bool {
+    matches!(spec.builder, Builder::Ploc | Builder::Cwbvh) && spec.quality > Quality::Fastest
 }
 
 /// Builds the binary tree of triangles and other primitives, whose boxes are `primitives`, triangles
@@ -77,11 +69,8 @@ pub(crate) fn build_scene(
     primitives: &[BuildPrimitive],
     max_leaf: u32,
 ) -> BinaryTree {
-    let share = match spec.builder {
-        Builder::Ploc | Builder::Cwbvh => preset(spec.quality).cut,
-        Builder::None | Builder::Plane | Builder::Sah | Builder::Median => 0.0,
-    };
-    let Some(parts) = cut_triangles(triangles, primitives, share) else {
+    let parts = cuts(spec).then(|| cut_triangles(triangles, primitives, MOST_ADDED));
+    let Some(parts) = parts.flatten() else {
         return build_binary(spec, primitives, max_leaf);
     };
     let mut tree = build_binary(spec, &parts.primitives, max_leaf);
@@ -111,9 +100,9 @@ pub(crate) fn build_binary(
             TopDownBuilder::new(primitives, max_leaf as usize, u32::MAX).split_by(median_split)
         }
         Builder::Ploc | Builder::Cwbvh => {
-            let preset = preset(spec.quality);
-            let mut tree = build_clusters(primitives, preset.radius, max_leaf);
-            reinsert(&mut tree, preset.reinserted);
+            let (radius, reinserted) = preset(spec.quality);
+            let mut tree = build_clusters(primitives, radius, max_leaf);
+            reinsert(&mut tree, reinserted);
             tree
         }
     }

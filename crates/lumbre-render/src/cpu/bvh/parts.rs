@@ -16,6 +16,9 @@ use super::build::BuildPrimitive;
 /// number of primitives (docs/notes/rays.md).
 const LEAST_WASTE: f64 = 16.0;
 
+/// Greatest number of primitives that cuts add, as a share of the triangles.
+pub(crate) const MOST_ADDED: f32 = 0.5;
+
 /// Boxes of parts are wider than the parts by this share of the triangle's greatest coordinate, since
 /// corners of parts and hits of rays are rounded.
 const MARGIN: f32 = 1.0 / (1 << 21) as f32;
@@ -42,8 +45,12 @@ pub(crate) fn cut_triangles(
     let boxes = primitives.iter().map(|p| p.aabb);
     let scene = boxes.fold(Aabb::empty(), |all, aabb| all.union(&aabb));
     let least = LEAST_WASTE * f64::from(scene.half_area()) / primitives.len() as f64;
-    let long = triangles.iter().enumerate().map(Part::whole);
-    let mut parts: BinaryHeap<Part> = long.filter(|part| part.waste > least).collect();
+    let corners = triangles.iter().map(|corners| corners.map(Vec3::as_dvec3));
+    let long = corners
+        .zip(0..)
+        .filter(|(corners, _)| waste(corners) > least);
+    let whole = |(corners, triangle): ([DVec3; 3], u32)| Part::new(triangle, corners.to_vec());
+    let mut parts: BinaryHeap<Part> = long.map(whole).collect();
     if left == 0 || parts.is_empty() {
         return None;
     }
@@ -93,28 +100,14 @@ struct Part {
     triangle: u32,
     /// Corners of a convex polygon.
     polygon: Vec<DVec3>,
-    /// Half of the area of its box, less twice the areas that it covers as seen along the three axes:
-    /// 0 for half of a rectangle that is parallel to two axes, whose other half has the same box.
+    /// Area that its box wastes.
     waste: f64,
 }
 
 impl Part {
-    /// Returns a whole triangle.
-    fn whole((index, corners): (usize, &[Vec3; 3])) -> Part {
-        Part::new(index as u32, corners.map(Vec3::as_dvec3).to_vec())
-    }
-
     fn new(triangle: u32, polygon: Vec<DVec3>) -> Part {
-        let [low, high] = bounds(&polygon);
-        let size = high - low;
-        let half_area = size.x * size.y + size.y * size.z + size.z * size.x;
-        let from_first = |corner: &DVec3| *corner - polygon[0];
-        let fans = polygon[1..].windows(2);
-        let normal: DVec3 = fans
-            .map(|fan| from_first(&fan[0]).cross(from_first(&fan[1])))
-            .sum();
         Part {
-            waste: half_area - normal.abs().element_sum(),
+            waste: waste(&polygon),
             triangle,
             polygon,
         }
@@ -171,6 +164,21 @@ impl PartialEq for Part {
 }
 
 impl Eq for Part {}
+
+/// Returns half of the area of a convex polygon's box, less twice the areas that it covers as seen
+/// along the three axes: 0 for half of a rectangle that is parallel to two axes, whose other half has
+/// the same box.
+fn waste(polygon: &[DVec3]) -> f64 {
+    let [low, high] = bounds(polygon);
+    let size = high - low;
+    let half_area = size.x * size.y + size.y * size.z + size.z * size.x;
+    let from_first = |corner: &DVec3| *corner - polygon[0];
+    let fans = polygon[1..].windows(2);
+    let normal: DVec3 = fans
+        .map(|fan| from_first(&fan[0]).cross(from_first(&fan[1])))
+        .sum();
+    half_area - normal.abs().element_sum()
+}
 
 /// Returns the least and greatest coordinates of a polygon.
 fn bounds(polygon: &[DVec3]) -> [DVec3; 2] {
