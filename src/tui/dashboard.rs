@@ -358,9 +358,7 @@ impl Screen {
         // Reducing the picture is slow and writing may block: do neither while holding the lock.
         let model = self.shared.model().clone();
         if !self.view.watching {
-            let current = model.current.as_ref();
-            let devices = current.map_or(&[][..], |current| &current.open.devices);
-            self.view.gauges.borrow_mut().refresh(devices);
+            self.view.gauges.borrow_mut().refresh(model.devices());
         }
         // Without a size, pictures are blocks.
         self.view.graphics = (self.graphics, full_screen::cell_size(self.graphics));

@@ -1,8 +1,8 @@
 //! Rendering of light transport in waves of samples: [`Job`] is what to render, [`Renderer`] a run
 //! in progress, and [`BackendRow`] the description of a backend. The crate contains the CPU backend
 //! ([`cpu`]), a backend for tests ([`mock`]), other renderers as techniques ([`external`]) and
-//! rendering in a child process ([`worker`]). [`device`] describes what renders; [`denoise`] filters the pictures of any of them;
-//! [`shaders`] is the choice of the shaders of devices;
+//! rendering in a child process ([`worker`]). [`device`] describes what renders; [`denoise`] filters
+//! the pictures of any of them; [`shaders`] is the choice of the shaders of devices;
 //! [`own_technique`] makes integrators of other crates known, [`plugin`] those of C libraries.
 //!
 //! No integrator is named in this crate: a [`Job`] carries a row of

@@ -293,7 +293,7 @@ mod tests {
     use context::limits::Limits;
     use context::physical_device::Caps;
     use lumbre_render::DeviceKind;
-    use lumbre_render::device::VENDOR_NVIDIA;
+    use lumbre_render::device::{VENDOR_AMD, VENDOR_NVIDIA};
     use lumbre_render::hierarchy::AccelSpec;
 
     use super::*;
@@ -310,7 +310,7 @@ mod tests {
             DeviceInfo::made_up("card", vendor, caps, Limits::default())
         };
         let chosen = |device: &DeviceInfo| suitable_mode(device).unwrap();
-        let (nvidia, amd) = (0x10de, 0x1002);
+        let (nvidia, amd) = (VENDOR_NVIDIA, VENDOR_AMD);
         for (device, expected) in [
             (device(nvidia, true, true), TracingMode::Pipeline),
             (device(amd, true, false), TracingMode::Pipeline),

@@ -19,7 +19,7 @@ use crate::experiment::{CellConfig, CellRef, Event, Outcome, PlanOutline, StopRu
 use crate::tui::format;
 use lumbre_light::film::SharedImage;
 use lumbre_light::film::layer::LayerImage;
-use lumbre_render::OpenStats;
+use lumbre_render::{Device, OpenStats};
 
 /// Number of log messages that are stored.
 pub const MESSAGES: usize = 500;
@@ -109,6 +109,12 @@ pub struct NightModel {
 }
 
 impl NightModel {
+    /// Returns the devices of the current run; none before the first.
+    pub fn devices(&self) -> &[Device] {
+        let current = self.current.as_ref();
+        current.map_or(&[], |current| &current.open.devices)
+    }
+
     /// Applies an event received at `at_s` seconds on the receiver's monotonic clock.
     ///
     /// Events about cells that are not in the plan are ignored, so any order of events is safe.

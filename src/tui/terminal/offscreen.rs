@@ -76,9 +76,7 @@ pub fn draw_for(
             continue;
         }
         let copy = model.clone();
-        let current = copy.current.as_ref();
-        let devices = current.map_or(&[][..], |current| &current.open.devices);
-        view.gauges.borrow_mut().refresh(devices);
+        view.gauges.borrow_mut().refresh(copy.devices());
         terminal.draw(|frame| panes::draw(frame, &copy, &view))?;
         frames += 1;
         shown = Some((facts, Instant::now()));
