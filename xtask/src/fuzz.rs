@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::{Mutex, PoisonError};
@@ -72,11 +72,14 @@ const HANG: u32 = 60;
 /// Processor time after which a target is started anew and its tally kept in a file, so that a chore
 /// that is interrupted loses no more.
 const SITTING: Duration = Duration::from_secs(300);
+/// Bytes of inputs of each target that the repository records.
+const RECORDED: u64 = 48 << 10;
 
 /// Options of the chore.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Processor time for each target in minutes
+    /// Processor time for each target in minutes; with `--page` in all, with what the repository
+    /// records of earlier runs
     #[arg(long, default_value_t = 1.0)]
     minutes: f64,
     /// Run only targets whose name contains this text (repeat for more)
@@ -89,8 +92,9 @@ pub struct Args {
     /// interrupted: what lies there is continued
     #[arg(long, value_name = "DIR", default_value = "target/fuzz")]
     out: PathBuf,
-    /// Measure the lines that each corpus reaches, and write the rows into the table of the page
-    /// about hostile files
+    /// Continue the runs that the repository records, measure the lines that each corpus reaches,
+    /// write the rows into the table of the page about hostile files, and record tallies and small
+    /// corpora in fuzz/corpus
     #[arg(long)]
     page: bool,
 }
@@ -145,14 +149,23 @@ pub fn run(args: &Args) -> Result<(), String> {
                     out: &out,
                 };
                 let fuzzed = target(&programs);
-                let tally = fuzzed.attack(time).and_then(|mut tally| {
-                    fuzzed.minimise()?;
-                    if let Some(readers) = &readers {
-                        tally.lines = Some(target(readers).lines()?);
-                    }
-                    fs::remove_file(fuzzed.tally()).map_err(|e| e.to_string())?;
-                    Ok(tally)
-                });
+                let recall = || match args.page {
+                    true => fuzzed.recall(),
+                    false => Ok(()),
+                };
+                let tally = recall()
+                    .and_then(|()| fuzzed.attack(time))
+                    .and_then(|mut tally| {
+                        fuzzed.minimise()?;
+                        if let Some(readers) = &readers {
+                            tally.lines = Some(target(readers).lines()?);
+                            fuzzed.record(&tally)?;
+                        }
+                        match fs::remove_file(fuzzed.tally()) {
+                            Err(e) if e.kind() != ErrorKind::NotFound => Err(e.to_string()),
+                            _ => Ok(tally),
+                        }
+                    });
                 let mut done = lock(&tallies);
                 done.insert(*name, tally.and_then(|tally| put(name, tally, args.page)));
             }
@@ -296,6 +309,42 @@ impl Target<'_> {
             }
             Err(_) => Ok(Tally::default()),
         }
+    }
+
+    /// Continues what the repository records of the target, unless a run that was interrupted goes
+    /// further.
+    fn recall(&self) -> Result<(), String> {
+        let recorded = recorded(self.name);
+        if let Ok(inputs) = files(&recorded) {
+            copy(&inputs, &self.corpus())?;
+        }
+        if !self.tally().exists() {
+            match fs::copy(recorded.with_extension("json"), self.tally()) {
+                Err(e) if e.kind() != ErrorKind::NotFound => return Err(e.to_string()),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Records the tally and the smallest inputs of the corpus in the repository.
+    fn record(&self, tally: &Tally) -> Result<(), String> {
+        let recorded = recorded(self.name);
+        match fs::remove_dir_all(&recorded) {
+            Err(e) if e.kind() != ErrorKind::NotFound => return Err(e.to_string()),
+            _ => {}
+        }
+        let mut inputs = files(&self.corpus())?;
+        let size = |file: &PathBuf| fs::metadata(file).map_or(0, |m| m.len());
+        inputs.sort_by_key(size);
+        let mut room = RECORDED;
+        inputs.retain(|file| {
+            room = room.saturating_sub(size(file));
+            room > 0
+        });
+        copy(&inputs, &recorded)?;
+        let text = serde_json::to_string_pretty(tally).map_err(|e| e.to_string())?;
+        fs::write(recorded.with_extension("json"), text + "\n").map_err(|e| e.to_string())
     }
 
     /// Returns the file of its tally while its time is not over.
@@ -457,6 +506,21 @@ fn processor_time(child: &Child) -> Option<Duration> {
     let ticks = rest.split_whitespace().skip(11).take(2);
     let ticks: u64 = ticks.map(|t| t.parse::<u64>().unwrap_or_default()).sum();
     Some(Duration::from_millis(10 * ticks))
+}
+
+/// Returns the folder of the repository with inputs of a target; its tally lies beside it.
+fn recorded(name: &str) -> PathBuf {
+    root().join("fuzz/corpus").join(name)
+}
+
+/// Copies files into a folder.
+fn copy(files: &[PathBuf], folder: &Path) -> Result<(), String> {
+    make_folder(folder)?;
+    for file in files {
+        let to = folder.join(file.file_name().unwrap_or_default());
+        fs::copy(file, &to).map_err(|e| format!("{}: {e}", to.display()))?;
+    }
+    Ok(())
 }
 
 fn make_folder(path: &Path) -> Result<(), String> {
