@@ -4,9 +4,15 @@
 use std::fs;
 use std::time::Duration;
 
-/// Processor time of this thread; `None` on systems without `/proc/thread-self/schedstat`.
+/// Processor time of this thread; `None` on systems without a clock for it.
 pub fn thread_time() -> Option<Duration> {
-    parse_schedstat(&fs::read_to_string("/proc/thread-self/schedstat").ok()?)
+    #[cfg(unix)]
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime)
+        .try_into()
+        .ok();
+    #[cfg(not(unix))]
+    let time = None;
+    time
 }
 
 /// Total processor time of all living threads of a process; `None` on systems without
