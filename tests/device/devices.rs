@@ -37,14 +37,15 @@ fn program(place: &Path, args: &[&str]) -> Command {
         .ok()
         .filter(|files| !files.is_empty() && !files.contains(':'));
     let driver = named.unwrap_or_else(|| {
-        let listed = std::fs::read_dir("/usr/share/vulkan/icd.d")
-            .into_iter()
-            .flatten()
-            .flatten();
+        let folders = ["/etc/vulkan/icd.d", "/usr/share/vulkan/icd.d"];
+        let listed = folders
+            .iter()
+            .flat_map(|folder| std::fs::read_dir(folder).into_iter().flatten().flatten());
         let mut files: Vec<String> = listed
             .map(|entry| entry.path().display().to_string())
             .collect();
-        files.retain(|file| file.contains("lvp_icd"));
+        // A software driver if there is one, else that of the graphics card.
+        files.sort_by_key(|file| file.contains("lvp_icd"));
         files.pop().unwrap_or_default()
     });
     let second = place.join("second_icd.json");

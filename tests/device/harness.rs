@@ -60,7 +60,7 @@ pub fn integer_splat_device() -> Option<Arc<Device>> {
 /// of its time on compiling, and compiles ray-tracing pipelines four to six times as fast as
 /// compute shaders, which it treats as one function.
 pub fn fastest_to_compile(device: &Device) -> TracingMode {
-    if TracingMode::Pipeline.lacking(&device.info.caps).is_none() {
+    if TracingMode::Pipeline.lacking(&device.info).is_none() {
         TracingMode::Pipeline
     } else {
         TracingMode::Compute

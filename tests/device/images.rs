@@ -28,7 +28,7 @@ use crate::common::{self, SceneBuilder, WHITE, grey, job, light};
 /// Returns the tracing modes that the device supports.
 pub fn supported_modes(device: &Device) -> Vec<TracingMode> {
     let able = |kind: &TracingMode| {
-        let lacking = kind.lacking(&device.info.caps);
+        let lacking = kind.lacking(&device.info);
         if let Some(what) = lacking {
             println!("SKIPPED: {} lacks {what}", device.info.line());
         }

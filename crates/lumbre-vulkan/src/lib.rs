@@ -155,7 +155,7 @@ fn paths(
 /// Returns the device that a mode would run on, or why none can.
 fn probe(kind: TracingMode) -> Result<String, String> {
     let device = context::physical_device::choose().map_err(|e| e.to_string())?;
-    match kind.lacking(&device.caps) {
+    match kind.lacking(&device) {
         None => Ok(device.line()),
         Some(what) => Err(format!("{} does not support {what}", device.line())),
     }
@@ -233,7 +233,7 @@ fn suitable_mode(device: &DeviceInfo) -> Result<(TracingMode, String), String> {
     if device.software {
         return Err(format!("{line} is a software implementation"));
     }
-    let able = |kind: TracingMode| kind.lacking(&device.caps).is_none();
+    let able = |kind: TracingMode| kind.lacking(device).is_none();
     if able(TracingMode::Pipeline) && !device.emulates_tracing() {
         let why = format!("{line}: it supports hardware ray tracing");
         return Ok((TracingMode::Pipeline, why));
@@ -261,7 +261,7 @@ pub fn devices() -> Vec<(String, String)> {
 /// Returns a line about a device for users: memory, how splats are summed, how rays are traced, and
 /// which backends it supports.
 fn describe_device(d: &DeviceInfo) -> String {
-    let able = |kind: &TracingMode| kind.lacking(&d.caps).is_none();
+    let able = |kind: &TracingMode| kind.lacking(d).is_none();
     let backends: Vec<&str> = TracingMode::ALL
         .iter()
         .filter(|kind| able(kind))
@@ -320,8 +320,10 @@ mod tests {
             assert_eq!(chosen(&device).0, expected, "{:?}", device.caps);
         }
         let emulated = device(nvidia, true, false);
+        let lacking = TracingMode::Pipeline.lacking(&emulated).unwrap();
+        assert!(lacking.contains("use `vulkan-compute`"), "{lacking}");
         assert!(chosen(&emulated).1.contains("emulates ray tracing"));
-        assert!(describe_device(&emulated).contains("ray tracing emulated; vulkan, "));
+        assert!(describe_device(&emulated).contains("ray tracing emulated; vulkan-compute"));
         let traced = describe_device(&device(nvidia, true, true));
         assert!(traced.contains("ray tracing in hardware"), "{traced}");
         let mut software = device(nvidia, true, true);

@@ -191,10 +191,11 @@ fn differences(
     wrong
 }
 
-/// Returns the device if it has ray-tracing pipelines, in which kernels run.
+/// Returns the device if it has ray-tracing pipelines, in which kernels run, and may use them.
 fn kernel_device() -> Option<Arc<Device>> {
     let device = harness::device()?;
-    if !device.info.caps.pipeline || !device.info.caps.extended() {
+    let pipelines = device.info.caps.pipeline && device.info.may_use_pipelines();
+    if !pipelines || !device.info.caps.extended() {
         println!(
             "SKIPPED: {} lacks ray-tracing pipelines or double precision",
             device.info.line()

@@ -62,6 +62,9 @@ impl Caps {
     }
 }
 
+/// Environment variable that permits emulated ray-tracing pipelines if it is `1`.
+pub const EMULATION_VARIABLE: &str = "LUMBRE_EMULATED_TRACING";
+
 /// Physical device of this machine.
 #[derive(Clone, Debug)]
 pub struct DeviceInfo {
@@ -130,6 +133,13 @@ impl DeviceInfo {
     /// only on cards with them [an engineer of NVIDIA in KhronosGroup/Vulkan-Docs issue 1241].
     pub fn emulates_tracing(&self) -> bool {
         self.vendor == VENDOR_NVIDIA && self.caps.pipeline && !self.caps.query
+    }
+
+    /// Returns whether ray-tracing pipelines may be used: those of units in hardware or of a software
+    /// driver, and emulated ones only on request, since they computed wrong light.
+    pub fn may_use_pipelines(&self) -> bool {
+        let requested = || std::env::var_os(EMULATION_VARIABLE).is_some_and(|value| value == "1");
+        !self.emulates_tracing() || requested()
     }
 
     /// Returns the bytes that this process can still allocate in the largest memory of the device,

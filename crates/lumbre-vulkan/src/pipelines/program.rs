@@ -12,7 +12,7 @@ use super::sources::Sources;
 use crate::accel::bvh::DeviceBvh;
 use crate::accel::structures::AccelerationStructures;
 use crate::context::device::Device;
-use crate::context::physical_device::{Caps, DeviceInfo};
+use crate::context::physical_device::DeviceInfo;
 use crate::error::VulkanError;
 use crate::films::device_film::SplatMode;
 use crate::layout::{Specialization, WaveParams};
@@ -69,9 +69,15 @@ impl TracingMode {
     }
 
     /// Returns the feature that a device lacks for this mode, if any.
-    pub fn lacking(self, caps: &Caps) -> Option<&'static str> {
+    pub fn lacking(self, device: &DeviceInfo) -> Option<&'static str> {
+        let caps = &device.caps;
         let (there, what) = match self {
             _ if !caps.scalar_layout => (false, "scalar block layout"),
+            TracingMode::Pipeline if !device.may_use_pipelines() => (
+                false,
+                "ray tracing in hardware; its driver emulates it, and computed wrong light in tests: \
+                 use `vulkan-compute`, which is also faster, or set LUMBRE_EMULATED_TRACING=1",
+            ),
             TracingMode::Pipeline => (
                 caps.pipeline,
                 "ray-tracing pipelines (VK_KHR_ray_tracing_pipeline)",
@@ -103,7 +109,7 @@ impl Traversal {
         spec: &AccelSpec,
         buffers: &SceneBuffers,
     ) -> Result<Traversal, VulkanError> {
-        if let Some(needed) = kind.lacking(&device.info.caps) {
+        if let Some(needed) = kind.lacking(&device.info) {
             return Err(VulkanError::Lacks {
                 device: device.info.line(),
                 needed: needed.to_owned(),

@@ -15,17 +15,20 @@
 #include "transport/surface.glsl"
 #include "transport/vertex.glsl"
 
-// The last event of a path that light sampling could have replaced.
+// The last event of a path: where it happened, and its density per solid angle, or NO_DENSITY if light
+// sampling could not have replaced it. A `bool` that is false at first has no place here: NVIDIA's
+// driver 580.159 compiles it wrongly for ray generation (docs/notes/devices.md).
 struct LastScatter {
-    bool present;
     vec3 from;
     float pdf_w;
 };
 
+const float NO_DENSITY = -1.0;
+
 // Returns the weight of light that a path hit, given the density per solid angle with which light
 // sampling samples it.
 float hit_weight(LastScatter last, float pdf_w) {
-    if (!last.present) {
+    if (last.pdf_w < 0.0) {
         return 1.0;
     }
     return job.mis == NONE ? 0.0 : heuristic_weight(job.mis, last.pdf_w, pdf_w);
@@ -89,7 +92,7 @@ void nee_sample(uvec2 pixel, inout Sampler numbers) {
     // Undoes the scaling of radiance by refraction, so that roulette judges the expected
     // contribution.
     float eta_scale = 1.0;
-    LastScatter last = LastScatter(false, vec3(0.0), 0.0);
+    LastScatter last = LastScatter(vec3(0.0), NO_DENSITY);
     TerminatorOffset terminator = NO_TERMINATOR_OFFSET;
     for (uint depth = 1u; depth <= job.max_depth; ++depth) {
         Hit hit;
@@ -148,7 +151,8 @@ void nee_sample(uvec2 pixel, inout Sampler numbers) {
         eta_scale *= s.eta * s.eta;
         terminator = terminator_into(surface, s.wi);
         last = LastScatter(
-            !s.delta, terminator.present ? terminator.lifted_point : surface.position, s.pdf_w
+            terminator.present ? terminator.lifted_point : surface.position,
+            s.delta ? NO_DENSITY : s.pdf_w
         );
         if (depth >= job.rr_start) {
             float survival = min(max_element(throughput) * eta_scale, MAX_SURVIVAL);
