@@ -95,10 +95,22 @@ impl Terminal {
 
     /// Waits until the screen holds all of these texts, and returns the screen.
     fn wait_for(&self, texts: &[&str]) -> String {
+        self.wait_until(texts, |_| true)
+    }
+
+    /// Waits until the screen has this number of lines and contains the texts: what a program draws
+    /// arrives in parts.
+    fn wait_for_lines(&self, lines: usize, texts: &[&str]) {
+        self.wait_until(texts, |screen| {
+            screen.trim_end_matches('\n').lines().count() == lines
+        });
+    }
+
+    fn wait_until(&self, texts: &[&str], holds: impl Fn(&str) -> bool) -> String {
         let since = Instant::now();
         loop {
             let screen = self.screen();
-            if texts.iter().all(|text| screen.contains(text)) {
+            if texts.iter().all(|text| screen.contains(text)) && holds(&screen) {
                 return screen;
             }
             assert!(
@@ -155,13 +167,8 @@ fn the_dashboard_handles_keys_commands_and_resizes_while_another_terminal_watche
     let Some(night) = Terminal::start(&place, "run", (80, 24), "run slow.lua") else {
         return;
     };
-    let screen = night.wait_for(&["Lumbre", "slow-", "running", "Cell", "? all keys"]);
+    night.wait_for_lines(24, &["Lumbre", "slow-", "running", "Cell", "? all keys"]);
     assert!(night.uses_alternate_screen());
-    assert_eq!(
-        screen.trim_end_matches('\n').lines().count(),
-        24,
-        "{screen}"
-    );
 
     night.press(&["p"]);
     night.wait_for(&["paused", "resume"]);
@@ -174,8 +181,7 @@ fn the_dashboard_handles_keys_commands_and_resizes_while_another_terminal_watche
     night.press(&[":", "pause 2spp", "Enter"]);
     night.wait_for(&["paused as requested"]);
     night.tmux(&["resize-window", "-x", "200", "-y", "60"]);
-    let wide = night.wait_for(&["Device", "Plan 900 cells", "paused", "? all keys"]);
-    assert_eq!(wide.trim_end_matches('\n').lines().count(), 60, "{wide}");
+    night.wait_for_lines(60, &["Device", "Plan 900 cells", "paused", "? all keys"]);
     night.tmux(&["resize-window", "-x", "30", "-y", "8"]);
     night.wait_for(&["Lumbre"]);
     night.tmux(&["resize-window", "-x", "100", "-y", "30"]);
@@ -349,13 +355,9 @@ fn a_scene_is_explored_by_keys_and_the_mouse() {
     };
     terminal.wait_for(&["Scenes", "ball.scn"]);
     terminal.press(&["ball", "Enter"]);
-    let screen = terminal.wait_for(&["Lumbre explore", "rendering", "Settings", "bpt", "Progress"]);
+    let texts = ["Lumbre explore", "rendering", "Settings", "bpt", "Progress"];
+    terminal.wait_for_lines(30, &texts);
     assert!(terminal.uses_alternate_screen());
-    assert_eq!(
-        screen.trim_end_matches('\n').lines().count(),
-        30,
-        "{screen}"
-    );
     terminal.press(&["t"]);
     terminal.wait_for(&["nee", "select"]);
     terminal.press(&["d", "w"]);
@@ -371,8 +373,7 @@ fn a_scene_is_explored_by_keys_and_the_mouse() {
     terminal.press(&["p"]);
     terminal.wait_for(&["wrote ball-1.exr"]);
     terminal.tmux(&["resize-window", "-x", "200", "-y", "60"]);
-    let wide = terminal.wait_for(&["Display", "Limits", "paused"]);
-    assert_eq!(wide.trim_end_matches('\n').lines().count(), 60, "{wide}");
+    terminal.wait_for_lines(60, &["Display", "Limits", "paused"]);
     terminal.press(&["q"]);
     terminal.wait_for_end(0);
     let text = place.read("ball-1.lua");

@@ -1,6 +1,8 @@
 //! Builds the targets of `fuzz/`, runs each for an equal processor time, makes its corpus small, and
 //! states what the corpus reaches of the target's reader. Needs Linux.
 
+mod records;
+
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::{BufRead, BufReader, ErrorKind, Read};
@@ -72,8 +74,6 @@ const HANG: u32 = 60;
 /// Processor time after which a target is started anew and its tally kept in a file, so that a chore
 /// that is interrupted loses no more.
 const SITTING: Duration = Duration::from_secs(300);
-/// Bytes of inputs of each target that the repository records.
-const RECORDED: u64 = 48 << 10;
 
 /// Options of the chore.
 #[derive(clap::Args)]
@@ -134,6 +134,7 @@ pub fn run(args: &Args) -> Result<(), String> {
         false => None,
     };
     let time = Duration::from_secs_f64((args.minutes * 60.0).clamp(1.0, 1e9));
+    let records = root().join("fuzz/corpus");
     let queue = Mutex::new(targets.iter());
     let tallies = Mutex::new(BTreeMap::new());
     // A guard in the head of a loop would live through its body.
@@ -147,6 +148,7 @@ pub fn run(args: &Args) -> Result<(), String> {
                     reader,
                     program: programs.join(name),
                     out: &out,
+                    records: &records,
                 };
                 let fuzzed = target(&programs);
                 let recall = || match args.page {
@@ -269,6 +271,8 @@ struct Target<'a> {
     program: PathBuf,
     /// Folder of the corpus and the findings of all targets.
     out: &'a Path,
+    /// Folder of the repository with small corpora, and the tallies beside them.
+    records: &'a Path,
 }
 
 impl Target<'_> {
@@ -309,42 +313,6 @@ impl Target<'_> {
             }
             Err(_) => Ok(Tally::default()),
         }
-    }
-
-    /// Continues what the repository records of the target, unless a run that was interrupted goes
-    /// further.
-    fn recall(&self) -> Result<(), String> {
-        let recorded = recorded(self.name);
-        if let Ok(inputs) = files(&recorded) {
-            copy(&inputs, &self.corpus())?;
-        }
-        if !self.tally().exists() {
-            match fs::copy(recorded.with_extension("json"), self.tally()) {
-                Err(e) if e.kind() != ErrorKind::NotFound => return Err(e.to_string()),
-                _ => {}
-            }
-        }
-        Ok(())
-    }
-
-    /// Records the tally and the smallest inputs of the corpus in the repository.
-    fn record(&self, tally: &Tally) -> Result<(), String> {
-        let recorded = recorded(self.name);
-        match fs::remove_dir_all(&recorded) {
-            Err(e) if e.kind() != ErrorKind::NotFound => return Err(e.to_string()),
-            _ => {}
-        }
-        let mut inputs = files(&self.corpus())?;
-        let size = |file: &PathBuf| fs::metadata(file).map_or(0, |m| m.len());
-        inputs.sort_by_key(size);
-        let mut room = RECORDED;
-        inputs.retain(|file| {
-            room = room.saturating_sub(size(file));
-            room > 0
-        });
-        copy(&inputs, &recorded)?;
-        let text = serde_json::to_string_pretty(tally).map_err(|e| e.to_string())?;
-        fs::write(recorded.with_extension("json"), text + "\n").map_err(|e| e.to_string())
     }
 
     /// Returns the file of its tally while its time is not over.
@@ -506,21 +474,6 @@ fn processor_time(child: &Child) -> Option<Duration> {
     let ticks = rest.split_whitespace().skip(11).take(2);
     let ticks: u64 = ticks.map(|t| t.parse::<u64>().unwrap_or_default()).sum();
     Some(Duration::from_millis(10 * ticks))
-}
-
-/// Returns the folder of the repository with inputs of a target; its tally lies beside it.
-fn recorded(name: &str) -> PathBuf {
-    root().join("fuzz/corpus").join(name)
-}
-
-/// Copies files into a folder.
-fn copy(files: &[PathBuf], folder: &Path) -> Result<(), String> {
-    make_folder(folder)?;
-    for file in files {
-        let to = folder.join(file.file_name().unwrap_or_default());
-        fs::copy(file, &to).map_err(|e| format!("{}: {e}", to.display()))?;
-    }
-    Ok(())
 }
 
 fn make_folder(path: &Path) -> Result<(), String> {

@@ -1,0 +1,92 @@
+//! What the repository records of the runs of targets: their tallies and small corpora, so that a run
+//! on another machine continues them.
+
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use super::{Tally, Target, files, make_folder};
+
+/// Bytes of inputs of each target that the repository records.
+const RECORDED: u64 = 48 << 10;
+
+impl Target<'_> {
+    /// Continues what the repository records of the target, unless a run that was interrupted goes
+    /// further.
+    pub(super) fn recall(&self) -> Result<(), String> {
+        let recorded = self.records.join(self.name);
+        if let Ok(inputs) = files(&recorded) {
+            copy(&inputs, &self.corpus())?;
+        }
+        if !self.tally().exists() {
+            match fs::copy(recorded.with_extension("json"), self.tally()) {
+                Err(e) if e.kind() != ErrorKind::NotFound => return Err(e.to_string()),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Records the tally and the smallest inputs of the corpus in the repository.
+    pub(super) fn record(&self, tally: &Tally) -> Result<(), String> {
+        let recorded = self.records.join(self.name);
+        match fs::remove_dir_all(&recorded) {
+            Err(e) if e.kind() != ErrorKind::NotFound => return Err(e.to_string()),
+            _ => {}
+        }
+        let mut inputs = files(&self.corpus())?;
+        let size = |file: &PathBuf| fs::metadata(file).map_or(0, |m| m.len());
+        inputs.sort_by_key(size);
+        let mut room = RECORDED;
+        inputs.retain(|file| {
+            room = room.saturating_sub(size(file));
+            room > 0
+        });
+        copy(&inputs, &recorded)?;
+        let text = serde_json::to_string_pretty(tally).map_err(|e| e.to_string())?;
+        fs::write(recorded.with_extension("json"), text + "\n").map_err(|e| e.to_string())
+    }
+}
+
+/// Copies files into a folder.
+fn copy(files: &[PathBuf], folder: &Path) -> Result<(), String> {
+    make_folder(folder)?;
+    for file in files {
+        let to = folder.join(file.file_name().unwrap_or_default());
+        fs::copy(file, &to).map_err(|e| format!("{}: {e}", to.display()))?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+    use super::*;
+
+    #[test]
+    fn what_is_recorded_is_continued_in_another_folder() {
+        let places = [(); 3].map(|()| tempfile::tempdir().unwrap());
+        let [first, second, records] = [0, 1, 2].map(|i: usize| places[i].path());
+        let target = |out| Target {
+            name: "obj",
+            reader: &[],
+            program: PathBuf::new(),
+            out,
+            records,
+        };
+        let corpus = target(first).corpus();
+        make_folder(&corpus).unwrap();
+        fs::write(corpus.join("small"), "v 1 2 3").unwrap();
+        fs::write(corpus.join("large"), vec![0; RECORDED as usize]).unwrap();
+        let tally = Tally {
+            inputs: 7,
+            ..Tally::default()
+        };
+        target(first).record(&tally).unwrap();
+        target(second).recall().unwrap();
+        assert_eq!(target(second).interrupted().unwrap().inputs, 7);
+        let inputs = files(&target(second).corpus()).unwrap();
+        assert_eq!(inputs, [target(second).corpus().join("small")]);
+    }
+}
