@@ -29,6 +29,7 @@ use lumbre_render::Job;
 use lumbre_vulkan::context::device::Device;
 use lumbre_vulkan::layout::Specialization;
 use lumbre_vulkan::memory::upload::{JobBuffers, SceneBuffers};
+use lumbre_vulkan::pipelines::program::TracingMode;
 use lumbre_vulkan::pipelines::test_kernel;
 use lumbre_vulkan::pipelines::test_kernel::Kernel;
 use lumbre_vulkan::prepare::specialization;
@@ -194,8 +195,8 @@ fn differences(
 /// Returns the device if it has ray-tracing pipelines, in which kernels run, and may use them.
 fn kernel_device() -> Option<Arc<Device>> {
     let device = harness::device()?;
-    let pipelines = device.info.caps.pipeline && device.info.may_use_pipelines();
-    if !pipelines || !device.info.caps.extended() {
+    let lacking = TracingMode::Pipeline.lacking(&device.info);
+    if lacking.is_some() || !device.info.caps.extended() {
         println!(
             "SKIPPED: {} lacks ray-tracing pipelines or double precision",
             device.info.line()

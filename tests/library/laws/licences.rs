@@ -89,21 +89,13 @@ fn metadata(options: &[&str]) -> Output {
         .unwrap()
 }
 
-/// Returns the name of the system that the compiler builds for.
-fn host() -> String {
-    let output = Command::new("rustc").arg("-vV").output().unwrap();
-    let printed = String::from_utf8_lossy(&output.stdout);
-    let host = printed.lines().find_map(|line| line.strip_prefix("host: "));
-    host.unwrap().to_owned()
-}
-
 #[test]
 fn every_package_has_an_allowed_licence_and_comes_from_the_registry() {
     // Packages that only other systems need are checked where they were downloaded.
     let output = metadata(&[]);
     let output = match output.status.success() {
         true => output,
-        false => metadata(&["--filter-platform", &host()]),
+        false => metadata(&["--filter-platform", "host-tuple"]),
     };
     let problem = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{problem}");

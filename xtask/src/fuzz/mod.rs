@@ -100,7 +100,7 @@ pub struct Args {
 }
 
 /// What a target did.
-#[derive(Default, Deserialize, Serialize)]
+#[derive(Clone, Default, Deserialize, Serialize)]
 struct Tally {
     inputs: u64,
     /// Inputs that were accepted, of how many; counted in steps.
@@ -151,23 +151,7 @@ pub fn run(args: &Args) -> Result<(), String> {
                     records: &records,
                 };
                 let fuzzed = target(&programs);
-                let recall = || match args.page {
-                    true => fuzzed.recall(),
-                    false => Ok(()),
-                };
-                let tally = recall()
-                    .and_then(|()| fuzzed.attack(time))
-                    .and_then(|mut tally| {
-                        fuzzed.minimise()?;
-                        if let Some(readers) = &readers {
-                            tally.lines = Some(target(readers).lines()?);
-                            fuzzed.record(&tally)?;
-                        }
-                        match fs::remove_file(fuzzed.tally()) {
-                            Err(e) if e.kind() != ErrorKind::NotFound => Err(e.to_string()),
-                            _ => Ok(tally),
-                        }
-                    });
+                let tally = fuzzed.complete(time, readers.as_deref().map(target));
                 let mut done = lock(&tallies);
                 done.insert(*name, tally.and_then(|tally| put(name, tally, args.page)));
             }
@@ -276,6 +260,23 @@ struct Target<'a> {
 }
 
 impl Target<'_> {
+    /// Runs the target for its processor time and makes its corpus small. With `coverage`, the same
+    /// target that writes the lines it reaches, continues what the repository records, and records
+    /// it again.
+    fn complete(&self, time: Duration, coverage: Option<Target>) -> Result<Tally, String> {
+        if coverage.is_some() {
+            self.recall()?;
+        }
+        let mut tally = self.attack(time)?;
+        self.minimise()?;
+        if let Some(coverage) = coverage {
+            tally.lines = Some(coverage.lines()?);
+            self.record(&tally)?;
+        }
+        if_present(fs::remove_file(self.tally()))?;
+        Ok(tally)
+    }
+
     /// Runs the target until it took its processor time; a few findings do not end it.
     fn attack(&self, time: Duration) -> Result<Tally, String> {
         let findings = self.out.join("findings").join(self.name);
@@ -474,6 +475,14 @@ fn processor_time(child: &Child) -> Option<Duration> {
     let ticks = rest.split_whitespace().skip(11).take(2);
     let ticks: u64 = ticks.map(|t| t.parse::<u64>().unwrap_or_default()).sum();
     Some(Duration::from_millis(10 * ticks))
+}
+
+/// Returns the problem of an operation on a file, unless the file does not exist.
+fn if_present<T>(result: std::io::Result<T>) -> Result<(), String> {
+    match result {
+        Err(e) if e.kind() != ErrorKind::NotFound => Err(e.to_string()),
+        _ => Ok(()),
+    }
 }
 
 fn make_folder(path: &Path) -> Result<(), String> {

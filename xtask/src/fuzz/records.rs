@@ -2,38 +2,32 @@
 //! on another machine continues them.
 
 use std::fs;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use super::{Tally, Target, files, make_folder};
+use super::{Tally, Target, files, if_present, make_folder};
 
 /// Bytes of inputs of each target that the repository records.
 const RECORDED: u64 = 48 << 10;
 
 impl Target<'_> {
-    /// Continues what the repository records of the target, unless a run that was interrupted goes
-    /// further.
+    /// Takes over what the repository records of the target; the tally only if no run was
+    /// interrupted here.
     pub(super) fn recall(&self) -> Result<(), String> {
         let recorded = self.records.join(self.name);
         if let Ok(inputs) = files(&recorded) {
             copy(&inputs, &self.corpus())?;
         }
         if !self.tally().exists() {
-            match fs::copy(recorded.with_extension("json"), self.tally()) {
-                Err(e) if e.kind() != ErrorKind::NotFound => return Err(e.to_string()),
-                _ => {}
-            }
+            if_present(fs::copy(recorded.with_extension("json"), self.tally()))?;
         }
         Ok(())
     }
 
-    /// Records the tally and the smallest inputs of the corpus in the repository.
+    /// Records the tally and the smallest inputs of the corpus in the repository, without findings,
+    /// which are files of this machine.
     pub(super) fn record(&self, tally: &Tally) -> Result<(), String> {
         let recorded = self.records.join(self.name);
-        match fs::remove_dir_all(&recorded) {
-            Err(e) if e.kind() != ErrorKind::NotFound => return Err(e.to_string()),
-            _ => {}
-        }
+        if_present(fs::remove_dir_all(&recorded))?;
         let mut inputs = files(&self.corpus())?;
         let size = |file: &PathBuf| fs::metadata(file).map_or(0, |m| m.len());
         inputs.sort_by_key(size);
@@ -43,7 +37,11 @@ impl Target<'_> {
             room > 0
         });
         copy(&inputs, &recorded)?;
-        let text = serde_json::to_string_pretty(tally).map_err(|e| e.to_string())?;
+        let tally = Tally {
+            findings: Vec::new(),
+            ..tally.clone()
+        };
+        let text = serde_json::to_string_pretty(&tally).map_err(|e| e.to_string())?;
         fs::write(recorded.with_extension("json"), text + "\n").map_err(|e| e.to_string())
     }
 }

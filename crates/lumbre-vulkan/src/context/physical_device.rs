@@ -63,7 +63,7 @@ impl Caps {
 }
 
 /// Environment variable that permits emulated ray-tracing pipelines if it is `1`.
-pub const EMULATION_VARIABLE: &str = "LUMBRE_EMULATED_TRACING";
+const EMULATION_VARIABLE: &str = "LUMBRE_EMULATED_TRACING";
 
 /// Physical device of this machine.
 #[derive(Clone, Debug)]
@@ -137,7 +137,7 @@ impl DeviceInfo {
 
     /// Returns whether ray-tracing pipelines may be used: those of units in hardware or of a software
     /// driver, and emulated ones only on request, since they computed wrong light.
-    pub fn may_use_pipelines(&self) -> bool {
+    pub(crate) fn may_use_pipelines(&self) -> bool {
         let requested = || std::env::var_os(EMULATION_VARIABLE).is_some_and(|value| value == "1");
         !self.emulates_tracing() || requested()
     }
