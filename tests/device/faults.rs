@@ -254,7 +254,7 @@ fn more_arrays_than_a_shader_of_the_device_can_access_are_refused() {
         return;
     };
     let mut info = device.info.clone();
-    info.limits.storage_buffers = 30;
+    info.limits.storage_buffers = 31;
     let limited = Device::open(info, device.info.caps).unwrap();
     let error = open(
         &limited,
@@ -264,7 +264,7 @@ fn more_arrays_than_a_shader_of_the_device_can_access_are_refused() {
     );
     let error = error.err().unwrap().to_string();
     assert!(
-        error.contains("31 storage buffers in one shader (at most 30)"),
+        error.contains("32 storage buffers in one shader (at most 31)"),
         "{error}"
     );
 }

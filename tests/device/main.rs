@@ -32,6 +32,7 @@ pub mod harness;
 mod images;
 mod instances;
 mod night;
+mod parallel;
 mod parity;
 mod paths;
 mod reports;

@@ -56,7 +56,7 @@ const BUGS: [(&str, &str, &str); 4] = [
     // Weights of multiple importance sampling that do not add up to one.
     (
         "transport/integrator/nee.glsl",
-        "pdf_w *= job.all_lights != 0u ? 1.0 : lights_pdf_choice(surface.emitter);",
+        "pdf_w *= ALL_LIGHTS ? 1.0 : lights_pdf_choice(surface.emitter);",
         "",
     ),
     // Roulette without its compensation.

@@ -7,11 +7,12 @@ use super::error::VulkanError;
 use super::layout::Specialization;
 use super::memory::delay_tables::is_composed;
 use super::memory::upload;
+use super::schedule::pixel_samples::PixelSamples;
 use lumbre_light::film::layer::LayerLayout;
 use lumbre_light::film::time;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{MAX_FLATTENED_PRIMITIVES, Material, NONE};
-use lumbre_light::transport::integrator::settings::has_uniform_directions;
+use lumbre_light::transport::integrator::settings::{Settings, has_uniform_directions};
 use lumbre_light::transport::light::LightSelection;
 use lumbre_light::transport::sampler::Sequence;
 use lumbre_render::Job;
@@ -93,7 +94,7 @@ pub fn specialization(
     scene: &CompiledScene,
     job: &Job,
     texel_shift: Option<u32>,
-    record_events: bool,
+    samples: PixelSamples,
 ) -> Specialization {
     let composed = is_composed(scene) || (job.timing.is_some() && !scene.delays.is_empty());
     let stores_vertices = job.integrator.splats;
@@ -113,7 +114,7 @@ pub fn specialization(
             0
         },
         layers: u32::from(!job.layers.is_empty()),
-        paths: u32::from(record_events),
+        paths: u32::from(samples == PixelSamples::Recorded),
         parts: u32::from(composed),
         second_uvs: u32::from(!scene.second_uvs.is_empty()),
         texel_shift: texel_shift.unwrap_or(NONE),
@@ -125,5 +126,7 @@ pub fn specialization(
         bumps: any(|m| m.bump_texture != NONE),
         terminators: any(|m| m.shadow_terminator),
         other_lights: u32::from(!only_surfaces),
+        all_lights: u32::from(Settings::new(&job.params).all_lights),
+        parallel_samples: u32::from(samples.is_parallel()),
     }
 }

@@ -19,6 +19,7 @@ use super::schedule::dispatch_size::{
     DISPATCHES_PER_SUBMISSION, DispatchPacer, DispatchRange, MAX_SPECULATIVE_DISPATCHES, TARGET_S,
     WaveSplitter,
 };
+use super::schedule::pixel_samples::PixelSamples;
 use super::schedule::submission::{Span, Submission};
 use lumbre_light::film::Film;
 use lumbre_light::film::layer::LayerFilm;
@@ -102,7 +103,8 @@ impl VulkanRenderer {
         scene: &CompiledScene,
         job: &Job,
     ) -> Result<VulkanRenderer, VulkanError> {
-        VulkanRenderer::make(device, kind, sources, scene, job, false)
+        let samples = PixelSamples::suitable(&device.info, job);
+        VulkanRenderer::with_samples(device, kind, sources, scene, job, samples)
     }
 
     /// Opens a run that records the events of samples.
@@ -116,26 +118,24 @@ impl VulkanRenderer {
         scene: &CompiledScene,
         job: &Job,
     ) -> Result<VulkanRenderer, VulkanError> {
-        VulkanRenderer::make(
-            device,
-            kind,
-            sources,
-            scene,
-            &Job {
-                layers: Vec::new(),
-                ..job.clone()
-            },
-            true,
-        )
+        let job = &Job {
+            layers: Vec::new(),
+            ..job.clone()
+        };
+        VulkanRenderer::with_samples(device, kind, sources, scene, job, PixelSamples::Recorded)
     }
 
-    fn make(
+    /// Opens a run that renders the samples of a pixel in a given way.
+    ///
+    /// # Errors
+    /// Returns an error in the cases of [`VulkanRenderer::new`].
+    pub fn with_samples(
         device: &Arc<Device>,
         kind: TracingMode,
         sources: &Sources,
         scene: &CompiledScene,
         job: &Job,
-        record_events: bool,
+        samples: PixelSamples,
     ) -> Result<VulkanRenderer, VulkanError> {
         let scene = &*supported_scene(device, scene, job)?;
         let layout = check_films(job)?;
@@ -147,21 +147,22 @@ impl VulkanRenderer {
         let traversal = Traversal::new(device, kind, scene, &job.accel, &scene_buffers)?;
         let built = traversal.built();
         let shift = scene_buffers.texel_shift();
-        let constants = specialization(scene, job, shift, record_events);
+        let constants = specialization(scene, job, shift, samples);
         let films = DeviceFilms::new(
             device,
             job.resolution,
             layout,
             job.timing.as_ref().map(|t| t.axis),
             splat_mode,
-            record_events,
+            samples,
         )?;
         let mut resources = upload::bindings(&scene_buffers, &job_buffers);
         resources.extend(films.bindings());
         resources.extend(traversal.bindings());
         let bindings = Bindings::new(device, Program::stages(kind), &resources)?;
         let start = Instant::now();
-        let program = Program::new(kind, sources, job, splat_mode, &constants, &bindings)?;
+        let modes = (splat_mode, samples);
+        let program = Program::new(kind, sources, job, modes, &constants, &bindings)?;
         program.warm_up(device, &bindings)?;
         let pipeline_s = start.elapsed().as_secs_f64();
         Ok(VulkanRenderer {

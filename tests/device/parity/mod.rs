@@ -33,6 +33,7 @@ use lumbre_vulkan::pipelines::program::TracingMode;
 use lumbre_vulkan::pipelines::test_kernel;
 use lumbre_vulkan::pipelines::test_kernel::Kernel;
 use lumbre_vulkan::prepare::specialization;
+use lumbre_vulkan::schedule::pixel_samples::PixelSamples;
 
 use super::harness;
 use super::twins::TWINS;
@@ -231,7 +232,7 @@ fn every_twin_computes_the_values_of_its_original() {
             max_depth: Specialization::default().max_depth,
             times: 1,
             parts: 1,
-            ..specialization(&scene, &job, None, false)
+            ..specialization(&scene, &job, None, PixelSamples::InTurn)
         };
         let outputs = test_kernel::run(
             &device,

@@ -1,4 +1,4 @@
-// Entry point of `vulkan-compute`: one invocation per pixel, traversing a hierarchy in buffers.
+// Entry point of `vulkan-compute`: one invocation per pixel or sample, traversing a hierarchy in buffers.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 
@@ -8,5 +8,5 @@ layout(local_size_x = 8, local_size_y = 8) in;
 #include "entry/samples.glsl"
 
 void main() {
-    render_pixel(gl_GlobalInvocationID.xy);
+    render_pixel(gl_GlobalInvocationID);
 }

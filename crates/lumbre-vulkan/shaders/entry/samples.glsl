@@ -1,5 +1,5 @@
-// The loop over the samples of one pixel, shared by all backends. `generated/integrator.glsl` is
-// generated with each pipeline: it includes the job's integrator and defines INTEGRATOR_SAMPLE.
+// The samples of one pixel, shared by all backends. `generated/integrator.glsl` is generated with
+// each pipeline: it includes the job's integrator and defines INTEGRATOR_SAMPLE.
 #ifndef ENTRY_SAMPLES_GLSL
 #define ENTRY_SAMPLES_GLSL
 
@@ -7,35 +7,41 @@
 #include "transport/sampler/mod.glsl"
 #include "generated/integrator.glsl"
 
-// Adds the wave's samples to a pixel; rows count from the wave's first one.
-void render_pixel(uvec2 place) {
-    uvec2 pixel = uvec2(place.x, place.y + wave.first_row);
-    if (place.y >= wave.rows || any(greaterThanEqual(pixel, job.resolution))) {
+// Renders a sample of a pixel; returns what the pixel gets from it.
+SampleValue render_sample(uvec2 pixel, uint at, uvec2 index) {
+    film_begin();
+    Sampler numbers = sampler_start(job.seed, pixel, index);
+    INTEGRATOR_SAMPLE(pixel, numbers);
+    return film_end(at);
+}
+
+// Adds the wave's samples to a pixel. With PARALLEL_SAMPLES it stores the value of one of them, that
+// of the third coordinate, and `sum.comp` adds them.
+void render_pixel(uvec3 place) {
+    uvec2 pixel;
+    if (!pixel_at(place.xy, pixel)) {
         return;
     }
-    uint at = pixel.y * job.resolution.x + pixel.x;
+    uint at = pixel_index(pixel);
     film_pixel = pixel;
-    SampleSums sums = pixel_sums[at];
-    Invalid invalid = pixel_invalid[at];
-    uint refused = invalid.count;
-    uint rays = 0u;
-    for (uint i = 0u; i < wave.samples; i++) {
-        uint low = wave.first_sample.x + i;
-        uvec2 index = uvec2(low, wave.first_sample.y + (low < i ? 1u : 0u));
-        film_begin();
-        Sampler numbers = sampler_start(job.seed, pixel, index);
-        INTEGRATOR_SAMPLE(pixel, numbers);
-        rays += film_rays;
-        film_end(sums, invalid, at, index);
+    PixelFilm film;
+    if (!PARALLEL_SAMPLES) {
+        film = pixel_begin(at);
     }
-    pixel_sums[at] = sums;
-    if (invalid.count != refused) {
-        pixel_invalid[at] = invalid;
-        atomicAdd(counters.invalid, invalid.count - refused);
+    uint first = PARALLEL_SAMPLES ? place.z : 0u;
+    uint end = PARALLEL_SAMPLES ? place.z + 1u : wave.samples;
+    // A loop with one call, since compilers inline every call.
+    for (uint i = first; i < end; i++) {
+        uvec2 index = sample_index(i);
+        SampleValue part = render_sample(pixel, at, index);
+        if (PARALLEL_SAMPLES) {
+            sample_values[sample_value_at(i, at)] = part;
+        } else {
+            pixel_add(film, part, index);
+        }
     }
-    uint before = atomicAdd(counters.rays.x, rays);
-    if (before + rays < before) {
-        atomicAdd(counters.rays.y, 1u);
+    if (!PARALLEL_SAMPLES) {
+        pixel_end(film, at);
     }
 }
 

@@ -4,16 +4,11 @@
 #ifndef FILM_FILM_GLSL
 #define FILM_FILM_GLSL
 
-#include "film/sums.glsl"
+#include "film/pixel.glsl"
 #include "film/splat.glsl"
 #include "transport/contribution.glsl"
 #include "transport/ray.glsl"
 #include "transport/surface.glsl"
-
-layout(set = 0, binding = 20, scalar) buffer PixelSums { SampleSums pixel_sums[]; };
-layout(set = 0, binding = 21, scalar) buffer PixelInvalid { Invalid pixel_invalid[]; };
-layout(set = 0, binding = 22, scalar) buffer CountersBlock { Counters counters; };
-layout(push_constant, scalar) uniform WaveBlock { WaveParams wave; };
 
 // The current sample: its pixel, its accumulated value, and the number of refused contributions.
 uvec2 film_pixel;
@@ -45,11 +40,11 @@ void sink(Contribution c) {
     paths_light(c);
     if (c.t != 1u && c.pixel == film_pixel) {
         film_value += c.value;
-        time_own(film_pixel.y * job.resolution.x + film_pixel.x, c);
+        time_own(pixel_index(film_pixel), c);
         film_invalid += layers_own(c);
     } else if (c.value != vec3(0.0)) {
         bool inside = all(lessThan(c.pixel, job.resolution));
-        uint at = c.pixel.y * job.resolution.x + c.pixel.x;
+        uint at = pixel_index(c.pixel);
         if (!inside || !time_splat(at, c)) {
             film_invalid++;
         } else {
@@ -67,21 +62,11 @@ void film_begin() {
     paths_begin();
 }
 
-// Ends a sample and adds it to the sums of its pixel.
-void film_end(inout SampleSums sums, inout Invalid invalid, uint at, uvec2 index) {
+// Ends a sample; returns what its pixel gets from it.
+SampleValue film_end(uint pixel) {
     bool counts = finite(film_value);
-    if (counts) {
-        add_sample(sums, film_value);
-    } else {
-        film_invalid++;
-    }
-    film_invalid += time_close(at, counts) + layers_close(at, counts);
-    if (film_invalid > 0u) {
-        if (invalid.count == 0u) {
-            invalid.first = index;
-        }
-        invalid.count += film_invalid;
-    }
+    uint refused = film_invalid + time_close(pixel, counts) + layers_close(pixel, counts);
+    return SampleValue(film_value, refused, film_rays);
 }
 
 #endif

@@ -14,7 +14,7 @@ Ray first_ray;
 Hit first_hit;
 
 uint layers_row() {
-    return (film_pixel.y * job.resolution.x + film_pixel.x) * job.film_count;
+    return pixel_index(film_pixel) * job.film_count;
 }
 
 // Adds a value to a film of the sample's own pixel, or of any pixel. Returns the number of films

@@ -258,7 +258,6 @@ struct JobParams {
     uint max_depth; // Maximum number of path edges.
     uint rr_start; // First path edge after which roulette may end a path, or NONE.
     uint mis; // MIS_POWER, MIS_BALANCE, or NONE.
-    uint all_lights; // 1 if every light is sampled at every vertex, else 0.
     uvec2 one_strategy; // Strategy (s, t) that is selected or left out; NONE, NONE for all.
     uint keep_strategy; // 1 if only that strategy is used, 0 if it is left out.
     uvec2 seed; // Low and high word of the seed.
@@ -315,6 +314,13 @@ struct SlotSums {
 struct Invalid {
     uint count; // Number of its samples and of their splats that were refused.
     uvec2 first; // Low and high word of the index of the first such sample.
+};
+
+// Result of a sample that is an invocation of its own, until it is added to its pixel.
+struct SampleValue {
+    vec3 value; // Light for its own pixel.
+    uint refused; // Number of its contributions that were refused.
+    uint rays; // Number of its rays.
 };
 
 // Counters of the dispatches of one submission.

@@ -45,3 +45,7 @@ layout(constant_id = 13) const bool BUMPS = true;
 layout(constant_id = 14) const bool TERMINATORS = true;
 // Whether there are lights other than emissive surfaces.
 layout(constant_id = 15) const bool OTHER_LIGHTS = true;
+// Whether light is sampled from every light at every vertex, not from one.
+layout(constant_id = 16) const bool ALL_LIGHTS = false;
+// Whether each sample of a pixel is an invocation, and its value is added afterwards.
+layout(constant_id = 17) const bool PARALLEL_SAMPLES = false;

@@ -13,10 +13,10 @@
 #include "trace/intersect.glsl"
 #include "transport/surface.glsl"
 
-layout(set = 0, binding = 29, scalar) readonly buffer Nodes { uvec4 nodes[]; };
+layout(set = 0, binding = 30, scalar) readonly buffer Nodes { uvec4 nodes[]; };
 // Triangles, then spheres, then instances.
-layout(set = 0, binding = 30, scalar) readonly buffer LeafPrimitives { uint leaf_primitives[]; };
-layout(set = 0, binding = 31, scalar) readonly buffer Transforms {
+layout(set = 0, binding = 31, scalar) readonly buffer LeafPrimitives { uint leaf_primitives[]; };
+layout(set = 0, binding = 32, scalar) readonly buffer Transforms {
     InstanceTransform transforms[];
 };
 
@@ -104,12 +104,15 @@ float limit_in(uint instance, float t_max) {
     return INSTANCES && instance != NONE ? t_max * LIMIT_SLACK : t_max;
 }
 
+// The groups that wait. One stack for all traversals of an invocation, since compilers give every
+// call of a function its own variables.
+uvec2 stack[BVH_STACK];
+
 // Finds the nearest hit with 0 < t < t_max, or with `any` some hit; masks applied.
 bool traverse(Ray ray, float t_max, bool any, out Hit best) {
     best = Hit(t_max, NONE, NONE, vec2(0.0));
     ShearedRay shear = sheared_ray(ray);
     BoxRay boxed = box_ray(ray);
-    uvec2 stack[BVH_STACK];
     uint depth = 0u;
     uint instance = NONE;
     // A group of nodes: the first child, and above bit 24 which of them are pending. A group of

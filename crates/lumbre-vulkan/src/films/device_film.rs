@@ -12,9 +12,10 @@ use rayon::prelude::*;
 use super::time_film::{DeviceTimeFilm, TimeReadback};
 use crate::context::device::Device;
 use crate::error::VulkanError;
-use crate::layout::{Counters, Invalid, PathStep, SampleSums};
+use crate::layout::{Counters, Invalid, PathStep, SampleSums, SampleValue};
 use crate::memory::buffer::{Buffer, Readback};
 use crate::pipelines::compute::BoundResource;
+use crate::schedule::pixel_samples::PixelSamples;
 use lumbre_light::film::Film;
 use lumbre_light::film::fixed_point::{combine_sums, squares_from_words, sum_from_words};
 use lumbre_light::film::layer::{LayerFilm, LayerLayout};
@@ -82,6 +83,8 @@ pub struct DeviceFilms {
     layer_values: Buffer,
     /// Path events of the samples of one row; empty unless recording.
     events: Buffer,
+    /// Values of samples that are rendered at once, until they are added; else empty.
+    values: Buffer,
     times: DeviceTimeFilm,
     mode: SplatMode,
     layout: LayerLayout,
@@ -97,8 +100,8 @@ pub struct DeviceFilms {
 }
 
 impl DeviceFilms {
-    /// Creates films without samples, with a time axis if there is one, and with buffers for path
-    /// events if `record_events`.
+    /// Creates films without samples, with a time axis if there is one, and with the buffers that
+    /// `samples` need.
     ///
     /// # Errors
     /// Returns an error if they do not fit onto the device.
@@ -108,7 +111,7 @@ impl DeviceFilms {
         layout: LayerLayout,
         axis: Option<TimeAxis>,
         mode: SplatMode,
-        record_events: bool,
+        samples: PixelSamples,
     ) -> Result<DeviceFilms, VulkanError> {
         let pixels = u64::from(resolution[0]) * u64::from(resolution[1]);
         let films = layout.films().len() as u64;
@@ -119,8 +122,13 @@ impl DeviceFilms {
         } else {
             pixels * (times.slots() as u64 + splat_films)
         };
-        let event_count =
-            u64::from(record_events) * u64::from(resolution[0]) * MAX_PATH_EVENTS as u64;
+        let event_count = u64::from(samples == PixelSamples::Recorded)
+            * u64::from(resolution[0])
+            * MAX_PATH_EVENTS as u64;
+        let value_count = match samples {
+            PixelSamples::Parallel(at_once) => pixels * u64::from(at_once),
+            PixelSamples::InTurn | PixelSamples::Recorded => 0,
+        };
         let row = size_of::<SampleSums>() as u64;
         let sums = Buffer::zeros(device, "pixel sums", row * pixels)?;
         let invalid = Buffer::zeros(
@@ -150,6 +158,11 @@ impl DeviceFilms {
             },
             readback: Readback::new(device, row * pixels * films)?,
             counted: [counted()?, counted()?],
+            values: Buffer::zeros(
+                device,
+                "sample values",
+                size_of::<SampleValue>() as u64 * value_count,
+            )?,
             times,
             mode,
             layout,
@@ -162,7 +175,7 @@ impl DeviceFilms {
     }
 
     /// Returns the bindings after those of the scene, in the order of `shaders/film`.
-    pub fn bindings(&self) -> [BoundResource<'_>; 9] {
+    pub fn bindings(&self) -> [BoundResource<'_>; 10] {
         let (sums, values) = (&self.times.sums, &self.times.values);
         let [layer_sums, layer_values] = [&self.layer_sums, &self.layer_values];
         [
@@ -175,6 +188,7 @@ impl DeviceFilms {
             &self.events,
             sums,
             values,
+            &self.values,
         ]
         .map(BoundResource::Storage)
     }

@@ -32,6 +32,16 @@ super::gpu_structs! {
         first: [u32; 2],
     }
 
+    /// Result of a sample that is an invocation of its own, until it is added to its pixel.
+    pub struct SampleValue {
+        /// Light for its own pixel.
+        value: [f32; 3],
+        /// Number of its contributions that were refused.
+        refused: u32,
+        /// Number of its rays.
+        rays: u32,
+    }
+
     /// Counters of the dispatches of one submission.
     pub struct Counters {
         /// Low and high word of the number of rays.

@@ -60,8 +60,6 @@ super::gpu_structs! {
         rr_start: u32,
         /// MIS_POWER, MIS_BALANCE, or NONE.
         mis: u32,
-        /// 1 if every light is sampled at every vertex, else 0.
-        all_lights: u32,
         /// Strategy (s, t) that is selected or left out; NONE, NONE for all.
         one_strategy: [u32; 2],
         /// 1 if only that strategy is used, 0 if it is left out.

@@ -13,7 +13,7 @@ mod specialization;
 
 use lumbre_render::path_trace::MAX_PATH_EVENTS;
 
-pub use film::{Counters, Invalid, PathStep, SampleSums, SlotSums, WaveParams};
+pub use film::{Counters, Invalid, PathStep, SampleSums, SampleValue, SlotSums, WaveParams};
 pub use job::{EnvironmentRow, JobParams, LightChoice};
 pub use scene::{
     DelayProfile, DirectionalLight, Emitter, InstanceTransform, Knot, Material, MaterialPart,

@@ -82,6 +82,10 @@ specialization! {
     terminators: "TERMINATORS" "bool" false = 1,
     /// Whether there are lights other than emissive surfaces.
     other_lights: "OTHER_LIGHTS" "bool" false = 1,
+    /// Whether light is sampled from every light at every vertex, not from one.
+    all_lights: "ALL_LIGHTS" "bool" false = 0,
+    /// Whether each sample of a pixel is an invocation, and its value is added afterwards.
+    parallel_samples: "PARALLEL_SAMPLES" "bool" false = 0,
 }
 
 impl Specialization {

@@ -58,7 +58,6 @@ fn camera_params(scene: &CompiledScene, job: &lumbre_render::Job) -> layout::Job
             Some(Heuristic::Uniform) => 2,
             None => NONE,
         },
-        all_lights: settings.all_lights.into(),
         one_strategy: settings.one.unwrap_or([NONE; 2]),
         keep_strategy: settings.keep.into(),
         seed: [job.seed as u32, (job.seed >> 32) as u32],

@@ -26,6 +26,7 @@ pub enum BoundResource<'a> {
 pub struct Bindings {
     /// Device of the set.
     pub device: Arc<Device>,
+    stages: vk::ShaderStageFlags,
     kinds: Vec<vk::DescriptorType>,
     layout: vk::DescriptorSetLayout,
     pool: vk::DescriptorPool,
@@ -61,6 +62,7 @@ impl Bindings {
             .pool_sizes(&sizes);
         let mut made = Bindings {
             device: Arc::clone(device),
+            stages,
             kinds: bound.iter().map(descriptor_type).collect(),
             layout: vk::DescriptorSetLayout::null(),
             pool: vk::DescriptorPool::null(),
@@ -334,6 +336,7 @@ impl Pipeline {
         }
         hasher
             .update(data)
+            .update(&bindings.stages.as_raw().to_le_bytes())
             .update(&stages.as_raw().to_le_bytes())
             .update(&push.to_le_bytes());
         let key = *hasher.finalize().as_bytes();

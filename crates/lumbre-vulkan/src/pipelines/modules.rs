@@ -115,6 +115,17 @@ pub fn integrator(mode: TracingMode, name: &str, variant: Variant) -> Recipe {
     }
 }
 
+/// Returns the recipe of the module that adds samples that were rendered in parallel.
+pub fn sum() -> Recipe {
+    Recipe {
+        file: "sum.comp.spv".to_owned(),
+        entry: "entry/sum.comp".to_owned(),
+        text: None,
+        defines: Vec::new(),
+        generated: Vec::new(),
+    }
+}
+
 /// Returns whether the program has the text of an integrator's shader.
 fn has_shader(name: &str) -> bool {
     let paths = ["", "/mod"].map(|file| format!("transport/integrator/{name}{file}.glsl"));
@@ -143,6 +154,7 @@ pub fn recipes() -> Vec<Recipe> {
     for stage in HitStage::ALL {
         recipes.extend([false, true].map(|extended| stage.recipe(extended)));
     }
+    recipes.push(sum());
     recipes.sort_by(|a, b| a.file.cmp(&b.file));
     recipes.dedup();
     recipes

@@ -17,6 +17,7 @@ use crate::error::VulkanError;
 use crate::films::device_film::SplatMode;
 use crate::layout::{Specialization, WaveParams};
 use crate::memory::upload::SceneBuffers;
+use crate::schedule::pixel_samples::PixelSamples;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::NONE;
 use lumbre_render::device::Features;
@@ -152,16 +153,24 @@ impl Traversal {
     }
 }
 
-/// Pipeline that adds waves to films.
-pub enum Program {
+/// Pipelines that add waves to films.
+pub struct Program {
+    render: RenderPipeline,
+    /// Pipeline that adds samples which were rendered at once, and how many of a pixel are.
+    sum: Option<(ComputePipeline, u32)>,
+}
+
+/// Pipeline that renders samples.
+enum RenderPipeline {
     /// Pipeline of a compute shader.
     Compute(ComputePipeline),
     /// Pipeline of ray-tracing shaders.
-    RayTracingPipeline(Box<RayTracingPipeline>),
+    RayTracing(Box<RayTracingPipeline>),
 }
 
 impl Program {
-    /// Creates the pipeline of a job: `splats` is the summation of its splats.
+    /// Creates the pipelines of a job: `splats` is the summation of its splats, and `samples` how
+    /// those of a pixel are rendered.
     ///
     /// # Errors
     /// Returns an error if the integrator has no shader, a shader cannot be made, or the device
@@ -170,7 +179,7 @@ impl Program {
         kind: TracingMode,
         sources: &Sources,
         job: &Job,
-        splats: SplatMode,
+        (splats, samples): (SplatMode, PixelSamples),
         constants: &Specialization,
         bindings: &Bindings,
     ) -> Result<Program, VulkanError> {
@@ -185,18 +194,14 @@ impl Program {
             constants.times != 0 || constants.instances != 0 || constants.texel_shift != NONE;
         let recipe = modules::integrator(kind, name, Variant { extended, splats });
         let integrator = sources.module(&recipe)?;
-        let (title, push) = (
-            format!("{name} by {}", kind.backend()),
-            size_of::<WaveParams>() as u32,
-        );
-        Ok(match kind {
-            TracingMode::Compute | TracingMode::Query => Program::Compute(ComputePipeline::new(
-                &title,
-                &integrator,
-                constants,
-                bindings,
-                push,
-            )?),
+        let title = format!("{name} by {}", kind.backend());
+        let compute = |title: &str, module: &[u32], constants: &Specialization| {
+            ComputePipeline::new(title, module, constants, bindings, PUSH)
+        };
+        let render = match kind {
+            TracingMode::Compute | TracingMode::Query => {
+                RenderPipeline::Compute(compute(&title, &integrator, constants)?)
+            }
             TracingMode::Pipeline => {
                 let module = |stage: HitStage| sources.module(&stage.recipe(extended));
                 let shaders = Shaders {
@@ -207,11 +212,20 @@ impl Program {
                     any: module(HitStage::Mask)?,
                     intersection: module(HitStage::Intersection)?,
                 };
-                Program::RayTracingPipeline(Box::new(RayTracingPipeline::new(
-                    &title, &shaders, constants, bindings, push,
+                RenderPipeline::RayTracing(Box::new(RayTracingPipeline::new(
+                    &title, &shaders, constants, bindings, PUSH,
                 )?))
             }
-        })
+        };
+        let sum = match samples {
+            PixelSamples::Parallel(at_once) => {
+                let module = sources.module(&modules::sum())?;
+                let pipeline = compute("sum of samples", &module, &Specialization::default())?;
+                Some((pipeline, at_once))
+            }
+            PixelSamples::InTurn | PixelSamples::Recorded => None,
+        };
+        Ok(Program { render, sum })
     }
 
     /// Records a dispatch of some rows.
@@ -222,18 +236,19 @@ impl Program {
         width: u32,
         wave: &WaveParams,
     ) {
-        match self {
-            Program::Compute(compute) => {
-                compute.dispatch(
-                    commands,
-                    bindings,
-                    wave,
-                    [width.div_ceil(8), wave.rows.max(1).div_ceil(8), 1],
-                );
+        let Some((sum, at_once)) = &self.sum else {
+            return self.render.dispatch(commands, bindings, [width, 1], wave);
+        };
+        let device = &bindings.device;
+        for (i, part) in parts(wave, *at_once).enumerate() {
+            if i > 0 {
+                device.barrier_to_shaders(commands);
             }
-            Program::RayTracingPipeline(tracing) => {
-                tracing.trace(commands, bindings, wave, [width, wave.rows.max(1)])
-            }
+            let samples = part.samples.max(1);
+            self.render
+                .dispatch(commands, bindings, [width, samples], &part);
+            device.barrier_to_shaders(commands);
+            sum.dispatch(commands, bindings, &part, groups(width, &part, 1));
         }
     }
 
@@ -258,7 +273,73 @@ impl Program {
     pub fn stages(kind: TracingMode) -> vk::ShaderStageFlags {
         match kind {
             TracingMode::Compute | TracingMode::Query => vk::ShaderStageFlags::COMPUTE,
-            TracingMode::Pipeline => ray_tracing::STAGES,
+            // A compute shader adds samples that were rendered at once.
+            TracingMode::Pipeline => ray_tracing::STAGES | vk::ShaderStageFlags::COMPUTE,
         }
+    }
+}
+
+impl RenderPipeline {
+    /// Records a dispatch of some rows of `width` pixels, each with `depth` invocations.
+    fn dispatch(
+        &self,
+        commands: vk::CommandBuffer,
+        bindings: &Bindings,
+        [width, depth]: [u32; 2],
+        wave: &WaveParams,
+    ) {
+        match self {
+            RenderPipeline::Compute(compute) => {
+                compute.dispatch(commands, bindings, wave, groups(width, wave, depth));
+            }
+            RenderPipeline::RayTracing(tracing) => {
+                tracing.trace(commands, bindings, wave, [width, wave.rows.max(1), depth]);
+            }
+        }
+    }
+}
+
+/// Bytes of push constants.
+const PUSH: u32 = size_of::<WaveParams>() as u32;
+
+/// Returns the numbers of workgroups of 8x8 pixels.
+fn groups(width: u32, wave: &WaveParams, depth: u32) -> [u32; 3] {
+    [width.div_ceil(8), wave.rows.max(1).div_ceil(8), depth]
+}
+
+/// Splits a dispatch into parts of at most `at_once` samples, at least one part.
+fn parts(wave: &WaveParams, at_once: u32) -> impl Iterator<Item = WaveParams> {
+    let whole = *wave;
+    let [low, high] = wave.first_sample.map(u64::from);
+    let starts = (0..whole.samples.max(1)).step_by(at_once.max(1) as usize);
+    starts.map(move |start| {
+        let first = (high << 32 | low) + u64::from(start);
+        WaveParams {
+            first_sample: [first as u32, (first >> 32) as u32],
+            samples: (whole.samples - start).min(at_once),
+            ..whole
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_of_a_dispatch_have_its_samples_in_order() {
+        let wave = |first_sample, samples| WaveParams {
+            first_sample,
+            samples,
+            first_row: 3,
+            rows: 2,
+        };
+        let found: Vec<WaveParams> = parts(&wave([u32::MAX, 6], 5), 2).collect();
+        assert_eq!(
+            found,
+            [wave([u32::MAX, 6], 2), wave([1, 7], 2), wave([3, 7], 1),]
+        );
+        let found: Vec<WaveParams> = parts(&wave([0; 2], 0), 2).collect();
+        assert_eq!(found, [wave([0; 2], 0)], "an empty dispatch is a part");
     }
 }

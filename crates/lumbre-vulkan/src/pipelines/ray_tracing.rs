@@ -162,7 +162,7 @@ impl RayTracingPipeline {
         commands: vk::CommandBuffer,
         bindings: &Bindings,
         push: &P,
-        size: [u32; 2],
+        size: [u32; 3],
     ) {
         let Some(tracing) = &self.device.tracing else {
             return;
@@ -182,7 +182,7 @@ impl RayTracingPipeline {
                 bytemuck::bytes_of(push),
             );
             tracing.cmd_trace_rays(
-                commands, generation, miss, hit, callable, size[0], size[1], 1,
+                commands, generation, miss, hit, callable, size[0], size[1], size[2],
             );
         }
     }

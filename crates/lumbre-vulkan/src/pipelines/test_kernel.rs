@@ -238,7 +238,7 @@ pub fn run(
             let kernel =
                 RayTracingPipeline::generation_only("kernel", &spirv, constants, &bindings, bytes)?;
             device.run("kernel", |commands| {
-                kernel.trace(commands, &bindings, &push, [rows, 1]);
+                kernel.trace(commands, &bindings, &push, [rows, 1, 1]);
                 device.barrier_to_copy(commands);
             })?;
         }

@@ -40,7 +40,7 @@ void nee_connect(
     Surface base, Bsdf bsdf, OpticalLength optical, vec3 wo, vec3 throughput, uvec2 pixel,
     uint depth, inout Sampler numbers
 ) {
-    uint lights = job.all_lights != 0u ? job.light_count : 1u;
+    uint lights = ALL_LIGHTS ? job.light_count : 1u;
     uint rounds = base.terminator.present ? 2u * lights : lights;
     for (uint i = 0u; i < rounds; ++i) {
         Surface surface = base;
@@ -49,7 +49,7 @@ void nee_connect(
         }
         uint light = i >= lights ? i - lights : i;
         float probability = 1.0;
-        if (job.all_lights == 0u) {
+        if (!ALL_LIGHTS) {
             float choice = next_1d(numbers);
             light = job.alias_shift != NONE ? alias_sample(choice, probability) : NONE;
         }
@@ -117,14 +117,14 @@ void nee_sample(uvec2 pixel, inout Sampler numbers) {
                 pdf_w = lights_pdf_direct_one_w(
                     last.from, surface.emitter, surface.position, surface.n_geometric
                 );
-                pdf_w *= job.all_lights != 0u ? 1.0 : lights_pdf_choice(surface.emitter);
+                pdf_w *= ALL_LIGHTS ? 1.0 : lights_pdf_choice(surface.emitter);
             }
         } else {
             radiance = lights_environment(ray.dir);
             length = path_time_escape_length(path_time, ray.dir);
             if (radiance != vec3(0.0)) {
                 pdf_w = lights_pdf_environment_one_w(ray.dir);
-                pdf_w *= job.all_lights != 0u ? 1.0 : lights_pdf_choice(job.light_first.z);
+                pdf_w *= ALL_LIGHTS ? 1.0 : lights_pdf_choice(job.light_first.z);
             }
         }
         if (radiance != vec3(0.0)) {

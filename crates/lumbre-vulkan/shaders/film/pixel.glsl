@@ -1,0 +1,79 @@
+// The sums of a pixel's own samples: read before a dispatch adds samples to them, and written after
+// it. Samples are added in the order of their indices, also if they were rendered in parallel.
+#ifndef FILM_PIXEL_GLSL
+#define FILM_PIXEL_GLSL
+
+#include "film/sums.glsl"
+
+layout(set = 0, binding = 20, scalar) buffer PixelSums { SampleSums pixel_sums[]; };
+layout(set = 0, binding = 21, scalar) buffer PixelInvalid { Invalid pixel_invalid[]; };
+layout(set = 0, binding = 22, scalar) buffer CountersBlock { Counters counters; };
+// With PARALLEL_SAMPLES, [sample of the dispatch][pixel].
+layout(set = 0, binding = 29, scalar) buffer SampleValues { SampleValue sample_values[]; };
+layout(push_constant, scalar) uniform WaveBlock { WaveParams wave; };
+
+struct PixelFilm {
+    SampleSums sums;
+    Invalid invalid;
+    // Number of refused contributions before this dispatch.
+    uint refused;
+    // Number of rays of this dispatch.
+    uint rays;
+};
+
+// Returns whether an invocation has a pixel, and which; rows count from the wave's first one.
+bool pixel_at(uvec2 place, out uvec2 pixel) {
+    pixel = uvec2(place.x, place.y + wave.first_row);
+    return place.y < wave.rows && all(lessThan(pixel, job.resolution));
+}
+
+uint pixel_index(uvec2 pixel) {
+    return pixel.y * job.resolution.x + pixel.x;
+}
+
+// Returns the low and high word of the index of the dispatch's sample `i`.
+uvec2 sample_index(uint i) {
+    uint low = wave.first_sample.x + i;
+    return uvec2(low, wave.first_sample.y + (low < i ? 1u : 0u));
+}
+
+// Returns the row of the dispatch's sample `i` among the values.
+uint sample_value_at(uint i, uint pixel) {
+    return i * job.resolution.x * job.resolution.y + pixel;
+}
+
+PixelFilm pixel_begin(uint pixel) {
+    Invalid invalid = pixel_invalid[pixel];
+    return PixelFilm(pixel_sums[pixel], invalid, invalid.count, 0u);
+}
+
+// Adds a sample: light that is not finite counts as another refused contribution.
+void pixel_add(inout PixelFilm film, SampleValue part, uvec2 index) {
+    uint refused = part.refused;
+    if (finite(part.value)) {
+        add_sample(film.sums, part.value);
+    } else {
+        refused++;
+    }
+    if (refused > 0u) {
+        if (film.invalid.count == 0u) {
+            film.invalid.first = index;
+        }
+        film.invalid.count += refused;
+    }
+    film.rays += part.rays;
+}
+
+void pixel_end(PixelFilm film, uint pixel) {
+    pixel_sums[pixel] = film.sums;
+    if (film.invalid.count != film.refused) {
+        pixel_invalid[pixel] = film.invalid;
+        atomicAdd(counters.invalid, film.invalid.count - film.refused);
+    }
+    uint before = atomicAdd(counters.rays.x, film.rays);
+    if (before + film.rays < before) {
+        atomicAdd(counters.rays.y, 1u);
+    }
+}
+
+#endif

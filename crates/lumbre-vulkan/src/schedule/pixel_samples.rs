@@ -1,0 +1,100 @@
+//! The schedule of the samples of a pixel in a dispatch: one after another in one invocation, or each in
+//! its own, which keeps a device busy with small pictures. Both add the same values in the same
+//! order, so films have the same bits.
+
+use lumbre_render::Job;
+
+use crate::context::physical_device::DeviceInfo;
+
+/// Number of pixels below which samples run in parallel, as for a card of the size of an H100 a few
+/// invocations for each that it can hold.
+const FEW_PIXELS: u64 = 1 << 18;
+
+/// Maximum number of samples whose values are kept until they are added: 40 MiB.
+const MAX_VALUES: u64 = 1 << 21;
+
+/// Maximum number of samples of a pixel in parallel, below the least limit of the number of
+/// workgroups.
+const MAX_AT_ONCE: u64 = 1 << 15;
+
+/// Environment variable that renders samples in parallel if it is `1`, and never if it is `0`.
+const VARIABLE: &str = "LUMBRE_PARALLEL_SAMPLES";
+
+/// The schedule of the samples of a pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PixelSamples {
+    /// One after another.
+    InTurn,
+    /// One after another, and their events are recorded.
+    Recorded,
+    /// At most this many at once; of films without layers and time axis only.
+    Parallel(u32),
+}
+
+impl PixelSamples {
+    /// Returns how a job's samples are rendered on a device.
+    pub fn suitable(device: &DeviceInfo, job: &Job) -> PixelSamples {
+        let pixels = u64::from(job.resolution[0]) * u64::from(job.resolution[1]);
+        let requested = std::env::var(VARIABLE).ok();
+        let wanted = match requested.as_deref() {
+            Some("0") => false,
+            Some("1") => true,
+            _ => pixels < FEW_PIXELS && !device.software,
+        };
+        match PixelSamples::parallel(job) {
+            Some(parallel) if wanted => parallel,
+            _ => PixelSamples::InTurn,
+        }
+    }
+
+    /// Returns the largest number of samples of a pixel that a job can render at once, or `None` if
+    /// its film has layers or a time axis, whose values of a sample are many, or too many pixels.
+    pub fn parallel(job: &Job) -> Option<PixelSamples> {
+        let pixels = u64::from(job.resolution[0]) * u64::from(job.resolution[1]);
+        let at_once = (MAX_VALUES / pixels.max(1)).min(MAX_AT_ONCE);
+        let is_plain = job.layers.is_empty() && job.timing.is_none();
+        (is_plain && at_once > 1).then_some(PixelSamples::Parallel(at_once as u32))
+    }
+
+    /// Returns the maximum number of samples of a pixel at once; 1 in turn.
+    pub fn at_once(self) -> u32 {
+        match self {
+            PixelSamples::InTurn | PixelSamples::Recorded => 1,
+            PixelSamples::Parallel(at_once) => at_once,
+        }
+    }
+
+    /// Returns whether samples of a pixel are rendered at once.
+    pub fn is_parallel(self) -> bool {
+        matches!(self, PixelSamples::Parallel(_))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lumbre_light::film::layer::Layer;
+    use lumbre_light::transport::integrator::integrator;
+
+    use super::*;
+    use crate::context::limits::Limits;
+    use crate::context::physical_device::Caps;
+
+    #[test]
+    fn small_plain_pictures_on_cards_have_samples_in_parallel() {
+        let mut device = DeviceInfo::made_up("card", 0, Caps::default(), Limits::default());
+        let job = |resolution| Job::plain(integrator("nee").unwrap(), resolution, 5, 1);
+        let suitable = |device: &DeviceInfo, job: &Job| PixelSamples::suitable(device, job);
+        let small = job([160, 90]);
+        assert_eq!(suitable(&device, &small), PixelSamples::Parallel(145));
+        assert_eq!(suitable(&device, &job([1, 1])).at_once(), 32768);
+        assert_eq!(suitable(&device, &job([1280, 720])), PixelSamples::InTurn);
+        let with_layers = Job {
+            layers: vec![Layer::Depth],
+            ..small.clone()
+        };
+        assert_eq!(suitable(&device, &with_layers), PixelSamples::InTurn);
+        assert_eq!(PixelSamples::parallel(&job([8192, 8192])), None);
+        device.software = true;
+        assert_eq!(suitable(&device, &small), PixelSamples::InTurn);
+    }
+}

@@ -1,0 +1,112 @@
+//! The samples of a pixel may be rendered at once. This changes no bit of the film, the checkpoint
+//! and the counts, and is undone by nothing: runs of both kinds continue each other.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+use lumbre_light::scene::CompiledScene;
+use lumbre_render::{Job, Renderer, WaveStats};
+use lumbre_vulkan::context::device::Device;
+use lumbre_vulkan::pipelines::program::TracingMode;
+use lumbre_vulkan::renderer::VulkanRenderer;
+use lumbre_vulkan::schedule::pixel_samples::PixelSamples;
+
+use super::harness;
+use super::images::{room, state, supported_modes, technique_job};
+use crate::common::{SceneBuilder, grey};
+
+/// Fewer than the samples of a wave, so that a dispatch has several parts, and no divisor of them.
+const AT_ONCE: u32 = 3;
+
+/// Samples of each wave, and number of samples announced to follow.
+const WAVES: [(u64, u64); 4] = [(1, 5), (8, 20), (20, 2), (2, 0)];
+
+fn open(
+    device: &Arc<Device>,
+    kind: TracingMode,
+    scene: &CompiledScene,
+    job: &Job,
+    samples: PixelSamples,
+) -> VulkanRenderer {
+    let sources = harness::sources();
+    VulkanRenderer::with_samples(device, kind, &sources, scene, job, samples).unwrap()
+}
+
+fn counts(stats: &WaveStats) -> [u64; 4] {
+    [stats.samples, stats.paths, stats.rays, stats.invalid]
+}
+
+/// Renders a job with samples in turn and at once, and compares everything after every wave.
+/// Returns the number of invalid samples.
+fn compare_both(device: &Arc<Device>, kind: TracingMode, scene: &CompiledScene, job: &Job) -> u64 {
+    let name = format!("{} by {}", job.integrator.name, kind.backend());
+    let parallel = PixelSamples::Parallel(AT_ONCE);
+    let [mut in_turn, mut at_once] =
+        [PixelSamples::InTurn, parallel].map(|samples| open(device, kind, scene, job, samples));
+    let mut invalid = 0;
+    for (i, (samples, more)) in WAVES.into_iter().enumerate() {
+        let expected = in_turn.advance_with_lookahead(samples, more).unwrap();
+        let found = at_once.advance_with_lookahead(samples, more).unwrap();
+        assert_eq!(counts(&found), counts(&expected), "{name}, wave {i}");
+        assert_eq!(
+            found.first_invalid, expected.first_invalid,
+            "{name}, wave {i}"
+        );
+        assert!(
+            state(&at_once) == state(&in_turn),
+            "{name}, wave {i}: the films differ"
+        );
+        invalid += found.invalid;
+    }
+    // A run continues from the checkpoint of one of the other kind.
+    in_turn.restore(&state(&at_once)).unwrap();
+    in_turn.advance(2).unwrap();
+    at_once.advance(2).unwrap();
+    assert!(state(&at_once) == state(&in_turn), "{name}: continued");
+    invalid
+}
+
+#[test]
+fn samples_at_once_have_the_bits_of_samples_in_turn() {
+    let Some(device) = harness::integer_splat_device() else {
+        return;
+    };
+    let (scene, fastest) = (room(), harness::fastest_to_compile(&device));
+    let small = |name: &str| Job {
+        resolution: [21, 13],
+        first_sample: u64::from(u32::MAX) - 4,
+        ..technique_job(name, 81)
+    };
+    for name in ["bpt", "nee", "bdpt"] {
+        compare_both(&device, fastest, &scene, &small(name));
+    }
+    for kind in supported_modes(&device) {
+        if kind != fastest {
+            compare_both(&device, kind, &scene, &small("bpt"));
+        }
+    }
+    harness::assert_no_validation_messages();
+}
+
+#[test]
+fn invalid_samples_at_once_are_refused_as_those_in_turn() {
+    let Some(device) = harness::device() else {
+        return;
+    };
+    // A lamp so bright that its light is infinite in some samples.
+    let mut lamp = grey(0.5);
+    lamp.emission = Vec3::splat(3e38);
+    let scene = SceneBuilder::new(Vec3::new(0.0, 0.0, 1.9), Vec3::ZERO, 60.0)
+        .room(2.0, grey(0.9))
+        .quad(Vec3::new(-0.5, 1.9, -0.5), Vec3::X, Vec3::Z, lamp)
+        .build();
+    let job = Job {
+        resolution: [21, 13],
+        rr_start: Some(1),
+        ..technique_job("bpt", 82)
+    };
+    let kind = harness::fastest_to_compile(&device);
+    let invalid = compare_both(&device, kind, &scene, &job);
+    assert!(invalid > 0, "the scene has no invalid sample");
+    harness::assert_no_validation_messages();
+}
