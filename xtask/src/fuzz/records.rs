@@ -8,6 +8,8 @@ use super::{Tally, Target, files, if_present, make_folder};
 
 /// Bytes of inputs of each target that the repository records.
 const RECORDED: u64 = 48 << 10;
+/// Maximum number of inputs of each target that the repository records.
+const MAX_INPUTS: usize = 128;
 
 impl Target<'_> {
     /// Takes over what the repository records of the target; the tally only if no run was
@@ -23,7 +25,7 @@ impl Target<'_> {
         Ok(())
     }
 
-    /// Records the tally and the smallest inputs of the corpus in the repository, without findings,
+    /// Records the tally and some of the smallest inputs of the corpus in the repository, without findings,
     /// which are files of this machine.
     pub(super) fn record(&self, tally: &Tally) -> Result<(), String> {
         let recorded = self.records.join(self.name);
@@ -36,6 +38,8 @@ impl Target<'_> {
             room = room.saturating_sub(size(file));
             room > 0
         });
+        let step = inputs.len().div_ceil(MAX_INPUTS).max(1);
+        let inputs: Vec<PathBuf> = inputs.into_iter().step_by(step).collect();
         copy(&inputs, &recorded)?;
         let tally = Tally {
             findings: Vec::new(),
@@ -86,5 +90,11 @@ mod tests {
         assert_eq!(target(second).interrupted().unwrap().inputs, 7);
         let inputs = files(&target(second).corpus()).unwrap();
         assert_eq!(inputs, [target(second).corpus().join("small")]);
+        for i in 0..2 * MAX_INPUTS {
+            fs::write(corpus.join(i.to_string()), "v 1 2 3").unwrap();
+        }
+        target(first).record(&tally).unwrap();
+        let count = files(&records.join("obj")).unwrap().len();
+        assert!((MAX_INPUTS / 2..=MAX_INPUTS).contains(&count), "{count}");
     }
 }

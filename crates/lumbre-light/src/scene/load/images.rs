@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::Vec3;
-use image::{DynamicImage, ImageDecoder, ImageReader, Limits};
+use image::{ColorType, DynamicImage, ImageDecoder, ImageReader, Limits};
 
 use super::{canonical, openexr, read_file, unreadable};
 use crate::math::luminance::luminance_f32;
@@ -235,15 +235,19 @@ pub(super) fn decode(
     limits.reserve(decoder.total_bytes()).map_err(failed)?;
     decoder.set_limits(limits).map_err(failed)?;
     let (width, height) = decoder.dimensions();
-    ensure_memory(width, height).map_err(malformed)?;
+    let texel_bytes = match decoder.color_type() {
+        ColorType::Rgb32F | ColorType::Rgba32F => size_of::<[f32; 4]>(),
+        _ => size_of::<[u8; 4]>(),
+    };
+    let texels = u64::from(width) * u64::from(height) * texel_bytes as u64;
+    ensure_memory(width, height, decoder.total_bytes() + texels).map_err(malformed)?;
     let image = DynamicImage::from_decoder(decoder).map_err(failed)?;
     if width == 0 || height == 0 {
         return Err(malformed("the image has no pixels".to_owned()));
     }
     let texels = match image {
         DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => {
-            finite_texels(image.into_rgba32f().pixels().map(|p| p.0).collect())
-                .map_err(malformed)?
+            finite_texels(into_texels(image.into_rgba32f().into_raw())).map_err(malformed)?
         }
         DynamicImage::ImageLuma8(_)
         | DynamicImage::ImageLumaA8(_)
@@ -261,11 +265,11 @@ pub(super) fn decode(
     Ok(TextureDesc::new(path, width, height, texels))
 }
 
-/// Checks that the memory for decoding an image of 8-bit channels is available: the decoded image
-/// and two copies of it as texels. A failed allocation inside a decoder would end the program.
-fn ensure_memory(width: u32, height: u32) -> Result<(), String> {
-    let bytes = 3 * 4 * width as usize * height as usize;
-    Vec::<u8>::new().try_reserve_exact(bytes).map_err(|_| {
+/// Checks that the bytes for decoding an image are available: the decoded image and its texels. A
+/// failed allocation inside a decoder would end the program.
+fn ensure_memory(width: u32, height: u32, bytes: u64) -> Result<(), String> {
+    let whole = usize::try_from(bytes).unwrap_or(usize::MAX);
+    Vec::<u8>::new().try_reserve_exact(whole).map_err(|_| {
         format!(
             "an image of {width}x{height} pixels needs {} MiB of memory, which is not available",
             bytes >> 20
@@ -322,7 +326,12 @@ fn finite_texels(texels: Vec<[f32; 4]>) -> Result<Texels, String> {
 }
 
 fn rgba8(image: DynamicImage) -> Texels {
-    Texels::Rgba8(image.into_rgba8().pixels().map(|p| p.0).collect())
+    Texels::Rgba8(into_texels(image.into_rgba8().into_raw()))
+}
+
+/// Returns the channels of an image as texels, without a copy.
+fn into_texels<C: bytemuck::Pod>(channels: Vec<C>) -> Vec<[C; 4]> {
+    bytemuck::allocation::cast_slice_box(channels.into_boxed_slice()).into_vec()
 }
 
 /// Returns the mean of the linear texels of an image. Those of 8 bits are decoded from sRGB if they are
