@@ -235,33 +235,28 @@ pub(super) fn decode(
     limits.reserve(decoder.total_bytes()).map_err(failed)?;
     decoder.set_limits(limits).map_err(failed)?;
     let (width, height) = decoder.dimensions();
-    let texel_bytes = match decoder.color_type() {
-        ColorType::Rgb32F | ColorType::Rgba32F => size_of::<[f32; 4]>(),
-        _ => size_of::<[u8; 4]>(),
-    };
-    let texels = u64::from(width) * u64::from(height) * texel_bytes as u64;
+    let color = decoder.color_type();
+    let has_floats = matches!(color, ColorType::Rgb32F | ColorType::Rgba32F);
+    let texel_bytes = if has_floats { 16 } else { 4 };
+    let texels = texel_bytes * u64::from(width) * u64::from(height);
     ensure_memory(width, height, decoder.total_bytes() + texels).map_err(malformed)?;
     let image = DynamicImage::from_decoder(decoder).map_err(failed)?;
     if width == 0 || height == 0 {
         return Err(malformed("the image has no pixels".to_owned()));
     }
-    let texels = match image {
-        DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => {
-            finite_texels(into_texels(image.into_rgba32f().into_raw())).map_err(malformed)?
-        }
-        DynamicImage::ImageLuma8(_)
-        | DynamicImage::ImageLumaA8(_)
-        | DynamicImage::ImageRgb8(_)
-        | DynamicImage::ImageRgba8(_) => rgba8(image),
-        _ => {
-            notes.push(Note {
-                file: path.to_owned(),
-                place: "image".to_owned(),
-                message: "the image has 16 bits per channel; they are rounded to 8".to_owned(),
-            });
-            rgba8(image)
-        }
-    };
+    if has_floats {
+        let texels = into_texels(image.into_rgba32f().into_raw());
+        let texels = finite_texels(texels).map_err(malformed)?;
+        return Ok(TextureDesc::new(path, width, height, texels));
+    }
+    if color.bytes_per_pixel() > color.channel_count() {
+        notes.push(Note {
+            file: path.to_owned(),
+            place: "image".to_owned(),
+            message: "the image has 16 bits per channel; they are rounded to 8".to_owned(),
+        });
+    }
+    let texels = Texels::Rgba8(into_texels(image.into_rgba8().into_raw()));
     Ok(TextureDesc::new(path, width, height, texels))
 }
 
@@ -323,10 +318,6 @@ fn finite_texels(texels: Vec<[f32; 4]>) -> Result<Texels, String> {
         return Ok(Texels::RgbaF32(texels));
     }
     Err("the image has values that are not finite".to_owned())
-}
-
-fn rgba8(image: DynamicImage) -> Texels {
-    Texels::Rgba8(into_texels(image.into_rgba8().into_raw()))
 }
 
 /// Returns the channels of an image as texels, without a copy.
