@@ -37,7 +37,8 @@ fn open(device: &Arc<Device>, job: &Job) -> VulkanRenderer {
     .unwrap()
 }
 
-fn counts(stats: &WaveStats) -> [u64; 4] {
+/// Returns the counts of a wave that do not depend on time.
+pub fn counts(stats: &WaveStats) -> [u64; 4] {
     [stats.samples, stats.paths, stats.rays, stats.invalid]
 }
 

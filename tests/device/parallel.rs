@@ -1,16 +1,17 @@
 //! The samples of a pixel may be rendered at once. This changes no bit of the film, the checkpoint
-//! and the counts, and is undone by nothing: runs of both kinds continue each other.
+//! and the counts, and a run of one kind continues from a checkpoint of the other.
 
 use std::sync::Arc;
 
 use glam::Vec3;
 use lumbre_light::scene::CompiledScene;
-use lumbre_render::{Job, Renderer, WaveStats};
+use lumbre_render::{Job, Renderer};
 use lumbre_vulkan::context::device::Device;
 use lumbre_vulkan::pipelines::program::TracingMode;
 use lumbre_vulkan::renderer::VulkanRenderer;
 use lumbre_vulkan::schedule::pixel_samples::PixelSamples;
 
+use super::ahead::counts;
 use super::harness;
 use super::images::{room, state, supported_modes, technique_job};
 use crate::common::{SceneBuilder, grey};
@@ -30,10 +31,6 @@ fn open(
 ) -> VulkanRenderer {
     let sources = harness::sources();
     VulkanRenderer::with_samples(device, kind, &sources, scene, job, samples).unwrap()
-}
-
-fn counts(stats: &WaveStats) -> [u64; 4] {
-    [stats.samples, stats.paths, stats.rays, stats.invalid]
 }
 
 /// Renders a job with samples in turn and at once, and compares everything after every wave.

@@ -127,6 +127,6 @@ pub fn specialization(
         terminators: any(|m| m.shadow_terminator),
         other_lights: u32::from(!only_surfaces),
         all_lights: u32::from(Settings::new(&job.params).all_lights),
-        parallel_samples: u32::from(samples.is_parallel()),
+        parallel_samples: u32::from(samples.at_once().is_some()),
     }
 }

@@ -263,13 +263,7 @@ impl VulkanRenderer {
                     self.device.barrier_to_shaders(commands);
                 }
                 let first = self.first_sample + before + part.done;
-                let (first_sample, rows) = ([first as u32, (first >> 32) as u32], part.rows);
-                let wave = WaveParams {
-                    first_sample,
-                    samples: part.samples,
-                    first_row: part.row,
-                    rows,
-                };
+                let wave = WaveParams::new(first, part.samples, part.row, part.rows);
                 self.program
                     .dispatch(commands, &self.bindings, self.film.width, &wave);
             }
@@ -385,13 +379,7 @@ impl VulkanRenderer {
         // One row at a time, in the given order.
         for row in samples.chunk_by(|a, b| (a.pixel[1], a.sample) == (b.pixel[1], b.sample)) {
             let (y, sample) = (row[0].pixel[1], row[0].sample);
-            let first_sample = [sample as u32, (sample >> 32) as u32];
-            let wave = WaveParams {
-                first_sample,
-                samples: 1,
-                first_row: y,
-                rows: 1,
-            };
+            let wave = WaveParams::new(sample, 1, y, 1);
             self.films.clear_events()?;
             self.device.run("path events", |commands| {
                 self.device.barrier_to_shaders(commands);

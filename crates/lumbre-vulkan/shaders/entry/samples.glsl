@@ -15,8 +15,8 @@ SampleValue render_sample(uvec2 pixel, uint at, uvec2 index) {
     return film_end(at);
 }
 
-// Adds the wave's samples to a pixel. With PARALLEL_SAMPLES it stores the value of one of them, that
-// of the third coordinate, and `sum.comp` adds them.
+// Adds the wave's samples to a pixel. With PARALLEL_SAMPLES it stores the value of sample `place.z`
+// instead, and `sum.comp` adds them.
 void render_pixel(uvec3 place) {
     uvec2 pixel;
     if (!pixel_at(place.xy, pixel)) {
@@ -24,10 +24,7 @@ void render_pixel(uvec3 place) {
     }
     uint at = pixel_index(pixel);
     film_pixel = pixel;
-    PixelFilm film;
-    if (!PARALLEL_SAMPLES) {
-        film = pixel_begin(at);
-    }
+    PixelFilm film = pixel_begin(at);
     uint first = PARALLEL_SAMPLES ? place.z : 0u;
     uint end = PARALLEL_SAMPLES ? place.z + 1u : wave.samples;
     // A loop with one call, since compilers inline every call.

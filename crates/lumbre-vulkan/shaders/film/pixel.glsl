@@ -8,7 +8,7 @@
 layout(set = 0, binding = 20, scalar) buffer PixelSums { SampleSums pixel_sums[]; };
 layout(set = 0, binding = 21, scalar) buffer PixelInvalid { Invalid pixel_invalid[]; };
 layout(set = 0, binding = 22, scalar) buffer CountersBlock { Counters counters; };
-// With PARALLEL_SAMPLES, [sample of the dispatch][pixel].
+// Samples that wait to be added, [sample of the dispatch][pixel]; empty without PARALLEL_SAMPLES.
 layout(set = 0, binding = 29, scalar) buffer SampleValues { SampleValue sample_values[]; };
 layout(push_constant, scalar) uniform WaveBlock { WaveParams wave; };
 

@@ -125,10 +125,7 @@ impl DeviceFilms {
         let event_count = u64::from(samples == PixelSamples::Recorded)
             * u64::from(resolution[0])
             * MAX_PATH_EVENTS as u64;
-        let value_count = match samples {
-            PixelSamples::Parallel(at_once) => pixels * u64::from(at_once),
-            PixelSamples::InTurn | PixelSamples::Recorded => 0,
-        };
+        let value_count = pixels * u64::from(samples.at_once().unwrap_or(0));
         let row = size_of::<SampleSums>() as u64;
         let sums = Buffer::zeros(device, "pixel sums", row * pixels)?;
         let invalid = Buffer::zeros(

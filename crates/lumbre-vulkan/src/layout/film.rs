@@ -92,3 +92,49 @@ super::gpu_structs! {
         rows: u32,
     }
 }
+
+impl WaveParams {
+    /// Returns the parameters of `samples` samples of every pixel of `rows` rows, from the sample with
+    /// index `first` and the row `first_row` on.
+    pub fn new(first: u64, samples: u32, first_row: u32, rows: u32) -> WaveParams {
+        WaveParams {
+            first_sample: [first as u32, (first >> 32) as u32],
+            samples,
+            first_row,
+            rows,
+        }
+    }
+
+    /// Splits the samples into parts of at most `max`, in order; at least one part.
+    pub fn parts(self, max: u32) -> impl Iterator<Item = WaveParams> {
+        let [low, high] = self.first_sample.map(u64::from);
+        let starts = (0..self.samples.max(1)).step_by(max.max(1) as usize);
+        starts.map(move |start| {
+            let first = (high << 32 | low) + u64::from(start);
+            let samples = (self.samples - start).min(max);
+            WaveParams::new(first, samples, self.first_row, self.rows)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::WaveParams;
+
+    #[test]
+    fn parts_of_a_dispatch_have_its_samples_in_order() {
+        let wave = |first_sample, samples| WaveParams {
+            first_sample,
+            samples,
+            first_row: 3,
+            rows: 2,
+        };
+        let found: Vec<WaveParams> = wave([u32::MAX, 6], 5).parts(2).collect();
+        assert_eq!(
+            found,
+            [wave([u32::MAX, 6], 2), wave([1, 7], 2), wave([3, 7], 1)]
+        );
+        let found: Vec<WaveParams> = wave([0; 2], 0).parts(2).collect();
+        assert_eq!(found, [wave([0; 2], 0)], "an empty dispatch is a part");
+    }
+}

@@ -217,13 +217,13 @@ impl Program {
                 )?))
             }
         };
-        let sum = match samples {
-            PixelSamples::Parallel(at_once) => {
+        let sum = match samples.at_once() {
+            Some(at_once) => {
                 let module = sources.module(&modules::sum())?;
                 let pipeline = compute("sum of samples", &module, &Specialization::default())?;
                 Some((pipeline, at_once))
             }
-            PixelSamples::InTurn | PixelSamples::Recorded => None,
+            None => None,
         };
         Ok(Program { render, sum })
     }
@@ -240,7 +240,7 @@ impl Program {
             return self.render.dispatch(commands, bindings, [width, 1], wave);
         };
         let device = &bindings.device;
-        for (i, part) in parts(wave, *at_once).enumerate() {
+        for (i, part) in wave.parts(*at_once).enumerate() {
             if i > 0 {
                 device.barrier_to_shaders(commands);
             }
@@ -258,12 +258,7 @@ impl Program {
     /// # Errors
     /// Returns an error if the device fails.
     pub fn warm_up(&self, device: &Arc<Device>, bindings: &Bindings) -> Result<(), VulkanError> {
-        let empty = WaveParams {
-            first_sample: [0; 2],
-            samples: 0,
-            first_row: 0,
-            rows: 0,
-        };
+        let empty = WaveParams::new(0, 0, 0, 0);
         device.run("warm up", |commands| {
             self.dispatch(commands, bindings, 1, &empty)
         })
@@ -305,41 +300,4 @@ const PUSH: u32 = size_of::<WaveParams>() as u32;
 /// Returns the numbers of workgroups of 8x8 pixels.
 fn groups(width: u32, wave: &WaveParams, depth: u32) -> [u32; 3] {
     [width.div_ceil(8), wave.rows.max(1).div_ceil(8), depth]
-}
-
-/// Splits a dispatch into parts of at most `at_once` samples, at least one part.
-fn parts(wave: &WaveParams, at_once: u32) -> impl Iterator<Item = WaveParams> {
-    let whole = *wave;
-    let [low, high] = wave.first_sample.map(u64::from);
-    let starts = (0..whole.samples.max(1)).step_by(at_once.max(1) as usize);
-    starts.map(move |start| {
-        let first = (high << 32 | low) + u64::from(start);
-        WaveParams {
-            first_sample: [first as u32, (first >> 32) as u32],
-            samples: (whole.samples - start).min(at_once),
-            ..whole
-        }
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn parts_of_a_dispatch_have_its_samples_in_order() {
-        let wave = |first_sample, samples| WaveParams {
-            first_sample,
-            samples,
-            first_row: 3,
-            rows: 2,
-        };
-        let found: Vec<WaveParams> = parts(&wave([u32::MAX, 6], 5), 2).collect();
-        assert_eq!(
-            found,
-            [wave([u32::MAX, 6], 2), wave([1, 7], 2), wave([3, 7], 1),]
-        );
-        let found: Vec<WaveParams> = parts(&wave([0; 2], 0), 2).collect();
-        assert_eq!(found, [wave([0; 2], 0)], "an empty dispatch is a part");
-    }
 }

@@ -6,8 +6,7 @@ use lumbre_render::Job;
 
 use crate::context::physical_device::DeviceInfo;
 
-/// Number of pixels below which samples run in parallel, as for a card of the size of an H100 a few
-/// invocations for each that it can hold.
+/// Number of pixels below which samples run in parallel: about as many as an H100 can hold invocations.
 const FEW_PIXELS: u64 = 1 << 18;
 
 /// Maximum number of samples whose values are kept until they are added: 40 MiB.
@@ -17,7 +16,7 @@ const MAX_VALUES: u64 = 1 << 21;
 /// workgroups.
 const MAX_AT_ONCE: u64 = 1 << 15;
 
-/// Environment variable that renders samples in parallel if it is `1`, and never if it is `0`.
+/// Environment variable: `1` renders samples in parallel wherever that is possible, `0` nowhere.
 const VARIABLE: &str = "LUMBRE_PARALLEL_SAMPLES";
 
 /// The schedule of the samples of a pixel.
@@ -34,12 +33,11 @@ pub enum PixelSamples {
 impl PixelSamples {
     /// Returns how a job's samples are rendered on a device.
     pub fn suitable(device: &DeviceInfo, job: &Job) -> PixelSamples {
-        let pixels = u64::from(job.resolution[0]) * u64::from(job.resolution[1]);
         let requested = std::env::var(VARIABLE).ok();
         let wanted = match requested.as_deref() {
             Some("0") => false,
             Some("1") => true,
-            _ => pixels < FEW_PIXELS && !device.software,
+            _ => pixels(job) < FEW_PIXELS && !device.software,
         };
         match PixelSamples::parallel(job) {
             Some(parallel) if wanted => parallel,
@@ -50,24 +48,24 @@ impl PixelSamples {
     /// Returns the largest number of samples of a pixel that a job can render at once, or `None` if
     /// its film has layers or a time axis, whose values of a sample are many, or too many pixels.
     pub fn parallel(job: &Job) -> Option<PixelSamples> {
-        let pixels = u64::from(job.resolution[0]) * u64::from(job.resolution[1]);
-        let at_once = (MAX_VALUES / pixels.max(1)).min(MAX_AT_ONCE);
+        let at_once = (MAX_VALUES / pixels(job).max(1)).min(MAX_AT_ONCE);
         let is_plain = job.layers.is_empty() && job.timing.is_none();
         (is_plain && at_once > 1).then_some(PixelSamples::Parallel(at_once as u32))
     }
 
-    /// Returns the maximum number of samples of a pixel at once; 1 in turn.
-    pub fn at_once(self) -> u32 {
+    /// Returns the maximum number of samples of a pixel at once, or `None` if they are rendered one after
+    /// another.
+    pub fn at_once(self) -> Option<u32> {
         match self {
-            PixelSamples::InTurn | PixelSamples::Recorded => 1,
-            PixelSamples::Parallel(at_once) => at_once,
+            PixelSamples::InTurn | PixelSamples::Recorded => None,
+            PixelSamples::Parallel(at_once) => Some(at_once),
         }
     }
+}
 
-    /// Returns whether samples of a pixel are rendered at once.
-    pub fn is_parallel(self) -> bool {
-        matches!(self, PixelSamples::Parallel(_))
-    }
+/// Returns the number of pixels of a job.
+fn pixels(job: &Job) -> u64 {
+    u64::from(job.resolution[0]) * u64::from(job.resolution[1])
 }
 
 #[cfg(test)]
@@ -86,7 +84,7 @@ mod tests {
         let suitable = |device: &DeviceInfo, job: &Job| PixelSamples::suitable(device, job);
         let small = job([160, 90]);
         assert_eq!(suitable(&device, &small), PixelSamples::Parallel(145));
-        assert_eq!(suitable(&device, &job([1, 1])).at_once(), 32768);
+        assert_eq!(suitable(&device, &job([1, 1])).at_once(), Some(32768));
         assert_eq!(suitable(&device, &job([1280, 720])), PixelSamples::InTurn);
         let with_layers = Job {
             layers: vec![Layer::Depth],
