@@ -3,7 +3,6 @@
 
 use super::outcome::CellRef;
 use super::plan::{Cell, Plan};
-use lumbre_light::value::Value;
 
 /// Device affinity: what all cells of one comparison group must share.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -35,16 +34,9 @@ impl Affinity {
 /// Returns the comparison group of a cell as 16 hex digits. Cells with the same scene, resolution,
 /// path depth and backend are in the same group, whatever their technique and its parameters.
 pub fn comparison_group(cell: &Cell) -> String {
-    let nothing = Value::Nil;
-    let field = |key: &str| {
-        cell.identity
-            .as_map()
-            .and_then(|map| map.get(key))
-            .unwrap_or(&nothing)
-    };
     let mut hasher = blake3::Hasher::new();
     for key in ["scene", "resolution", "max_depth", "backend"] {
-        field(key).hash_into(&mut hasher);
+        cell.identity.field(key).hash_into(&mut hasher);
     }
     hasher.finalize().to_hex()[..16].to_owned()
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use crate::experiment::plan::{Cell, Plan, RunId};
+use crate::experiment::plan::{Cell, CellIdentity, Plan, RunId};
 use crate::experiment::spec::{CellConfig, MeasureSpec, Snapshots};
 use crate::experiment::{CellRef, CellResult, EndCause, Outcome, StopRule, WaveRow};
 use lumbre_light::scene::SceneDesc;
@@ -129,7 +129,7 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
         }),
         stop: StopRule::Samples(64),
         reference: None,
-        identity: Value::Nil,
+        identity: CellIdentity::default(),
     }
 }
 

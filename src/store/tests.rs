@@ -11,7 +11,7 @@ use glam::Vec3;
 use super::schema::run::{DoneFile, RunResults};
 use super::*;
 use crate::experiment::event::History;
-use crate::experiment::plan::{Cell, Reference, ReferenceSource};
+use crate::experiment::plan::{Cell, CellIdentity, Reference, ReferenceSource};
 use crate::experiment::run_progress::Claim;
 use crate::experiment::spec::{CellConfig, MeasureSpec, Snapshots};
 use crate::experiment::{CellRef, Plan, RunId, StopRule, WaveRow};
@@ -87,7 +87,7 @@ pub(super) fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
         stop: StopRule::Samples(4),
         reference: None,
         path: format!("depth={i}/rep=0"),
-        identity: Value::Str((*id).to_owned()),
+        identity: CellIdentity::default(),
     };
     let source = ReferenceSource::Render {
         config: config(),

@@ -148,15 +148,15 @@ fn explain_planned_run(plan: &Plan, cell: CellRef, folder: &Path, id: &str) -> V
 fn explain_missing_run(plan: &Plan, record: &RunRecord) -> Verdict {
     let path = record.config.path.as_deref().unwrap_or_default();
     let old = &record.config.identity;
-    let candidates: Vec<(&str, &Value)> = if path.is_empty() {
+    let candidates: Vec<(&str, Value)> = if path.is_empty() {
         plan.references
             .iter()
-            .map(|r| (r.id.0.as_str(), &r.identity))
+            .map(|r| (r.id.0.as_str(), r.identity.clone()))
             .collect()
     } else {
         plan.cells
             .iter()
-            .map(|cell| (cell.path.as_str(), &cell.identity))
+            .map(|cell| (cell.path.as_str(), cell.identity.to_value()))
             .collect()
     };
     let nearest = candidates

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::axes::{self, Overrides, describe};
+use super::cell_identity::CellIdentity;
 use super::path::Paths;
 use super::resolve::{LoadScene, Renderable, Resolver};
 use super::{
@@ -59,7 +60,7 @@ struct Builder<'a> {
     resolver: Resolver<'a>,
     columns: Vec<String>,
     /// Canonical forms of the measurements, without and with a reference.
-    measure: [Value; 2],
+    measure: [Arc<Value>; 2],
     paths: Paths,
     pending: Vec<PendingPoint>,
     cells: Vec<Cell>,
@@ -93,7 +94,8 @@ impl<'a> Builder<'a> {
                 .iter()
                 .map(|metric| metric.column.clone())
                 .collect(),
-            measure: [false, true].map(|measured| identity::measure(&spec.measure, measured)),
+            measure: [false, true]
+                .map(|measured| Arc::new(identity::measure(&spec.measure, measured))),
             paths: Paths::default(),
             pending: Vec::new(),
             cells: Vec::new(),
@@ -353,7 +355,8 @@ impl<'a> Builder<'a> {
         } = pending;
         let base = self.paths.unique_path(&point);
         let separator = if base.is_empty() { "" } else { "/" };
-        let end = identity::cell_stop(&stop, &self.spec.script_hash, &point);
+        let picture = Arc::new(renderable.picture);
+        let end = Arc::new(identity::cell_stop(&stop, &self.spec.script_hash, &point));
         let measure = &self.measure[usize::from(reference.is_some())];
         let reference_id = reference.map(|index| &self.references[index].id);
         let repeats = self.spec.repeats;
@@ -362,10 +365,9 @@ impl<'a> Builder<'a> {
         let doubles = (0..if doubled { repeats } else { 0 }).map(|r| (repeats + r, Some(r)));
         for (repeat, double_of) in (0..repeats).map(|r| (r, None)).chain(doubles) {
             let seed = identity::cell_seed(self.spec.seed, repeat);
-            let run = identity::run(renderable.picture.clone(), seed, end.clone());
-            let identity = identity::cell(run, measure.clone(), reference_id);
+            let identity = CellIdentity::new(&picture, measure, seed, &end, reference_id);
             self.cells.push(Cell {
-                id: identity::run_id(&identity),
+                id: identity.run_id(),
                 point: point.clone(),
                 repeat,
                 double_of,

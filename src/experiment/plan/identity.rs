@@ -70,7 +70,14 @@ fn derive(context: &str, experiment: u64, repeat: u32) -> u64 {
 
 /// Returns the id of an identity: the first 32 hex digits of its hash.
 pub fn run_id(identity: &Value) -> RunId {
-    RunId(digest(identity)[..32].to_owned())
+    let mut hasher = blake3::Hasher::new();
+    identity.hash_into(&mut hasher);
+    id_of_hash(&hasher.finalize())
+}
+
+/// Returns the id of the identity with this hash.
+pub(super) fn id_of_hash(hash: &blake3::Hash) -> RunId {
+    RunId(hash.to_hex()[..32].to_owned())
 }
 
 /// Returns the hash of a file's content.
@@ -184,17 +191,6 @@ pub(super) fn set_accel(picture: &mut BTreeMap<String, Value>, accel: &AccelSpec
     }
 }
 
-/// Adds the seed and the stop rule to a picture.
-pub(super) fn run(
-    mut picture: BTreeMap<String, Value>,
-    seed: u64,
-    stop: Value,
-) -> BTreeMap<String, Value> {
-    picture.insert("seed".to_owned(), seed_value(seed));
-    picture.insert("stop".to_owned(), stop);
-    picture
-}
-
 /// Returns the stem of a rendered reference: a picture with the seeds of its halves. References
 /// with the same stem differ only in their stop rule, so that a shorter one can be continued to a
 /// longer one. `shard_samples` is the number of samples per pixel of each shard, if the reference
@@ -224,23 +220,12 @@ pub(super) fn reference(mut stem: BTreeMap<String, Value>, stop: Value) -> Value
     Value::Map(stem)
 }
 
-/// Canonical form of a seed: 16 hex digits.
-fn seed_value(seed: u64) -> Value {
-    Value::Str(format!("{seed:016x}"))
-}
+/// Key of a cell's seed.
+pub(super) const SEED: &str = "seed";
 
-/// Returns the identity of a cell: a run with its measurements.
-pub(super) fn cell(
-    mut run: BTreeMap<String, Value>,
-    measure: Value,
-    reference: Option<&RunId>,
-) -> Value {
-    run.insert("measure".to_owned(), measure);
-    run.insert(
-        "reference".to_owned(),
-        reference.map_or(Value::Nil, |id| Value::Str(id.0.clone())),
-    );
-    Value::Map(run)
+/// Canonical form of a seed: 16 hex digits.
+pub(super) fn seed_value(seed: u64) -> Value {
+    Value::Str(format!("{seed:016x}"))
 }
 
 /// Key of the hash of the scene's content in the identity of a run.
@@ -365,7 +350,7 @@ pub(super) fn plan_hash(plan: &Plan) -> String {
             Value::List(plan.tables.iter().map(table).collect()),
         ),
     ]);
-    digest(&identity)[..32].to_owned()
+    run_id(&identity).0
 }
 
 /// Canonical form of a figure.
@@ -432,13 +417,6 @@ fn texts(texts: &[String]) -> Value {
 /// Canonical form of a hash: 64 hex digits.
 fn hex(hash: &[u8; 32]) -> Value {
     Value::Str(blake3::Hash::from_bytes(*hash).to_hex().to_string())
-}
-
-/// Returns the BLAKE3 hash of a canonical value, 64 hex digits.
-fn digest(value: &Value) -> String {
-    let mut hasher = blake3::Hasher::new();
-    value.hash_into(&mut hasher);
-    hasher.finalize().to_hex().to_string()
 }
 
 fn map<'a>(fields: impl IntoIterator<Item = (&'a str, Value)>) -> Value {

@@ -47,7 +47,7 @@ pub fn check(identity: &Value, id: &RunId, claimed: &ClaimedSettings) -> Result<
         .ok_or_else(|| format!("this version has no sampler `{}`", config.sampler))?;
     let mut expected = identity::picture(config, row, sampler, &[0; 32]);
     if let Some(seed) = claimed.seed {
-        expected = identity::run(expected, seed, Value::Nil);
+        expected.insert(identity::SEED.to_owned(), identity::seed_value(seed));
     }
     if let Some(seeds) = claimed.seeds {
         expected = identity::stem(expected, seeds, claimed.shard_samples);

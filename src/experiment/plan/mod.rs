@@ -6,6 +6,7 @@
 //! hours over an error that could have been reported at its start.
 
 mod axes;
+mod cell_identity;
 mod error;
 mod estimate;
 mod expand;
@@ -23,6 +24,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 pub use axes::{MAX_CELLS, Overrides};
+pub use cell_identity::CellIdentity;
 pub use error::PlanError;
 pub use estimate::Estimate;
 pub use expand::expand;
@@ -73,8 +75,8 @@ pub struct Cell {
     pub reference: Option<usize>,
     /// Readable relative path: `scene=cornell/depth=5/rep=0`.
     pub path: String,
-    /// Canonical form whose hash is `id`, for display and for `config.json`.
-    pub identity: lumbre_light::value::Value,
+    /// Canonical form whose hash is `id`.
+    pub identity: CellIdentity,
 }
 
 impl Cell {

@@ -164,7 +164,7 @@ pub fn config_file(plan: &Plan, cell: CellRef) -> ConfigFile {
                 seed: Some(cell.seed),
                 render: Some(render_settings(&cell.config)),
                 reference,
-                identity: cell.identity.clone(),
+                identity: cell.identity.to_value(),
                 ..common
             }
         }

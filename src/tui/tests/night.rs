@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::experiment::outcome::Level;
-use crate::experiment::plan::{Reference, ReferenceSource, Skipped};
+use crate::experiment::plan::{CellIdentity, Reference, ReferenceSource, Skipped};
 use crate::experiment::spec::{MeasureSpec, Snapshots};
 use crate::experiment::stop::Comparison;
 use crate::experiment::{
@@ -97,7 +97,7 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
                 stop: stop.clone(),
                 reference: Some(0),
                 path: format!("depth={depth}/aa={radius}"),
-                identity: Value::Nil,
+                identity: CellIdentity::default(),
             });
         }
     }

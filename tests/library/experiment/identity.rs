@@ -348,7 +348,8 @@ fn the_identities_of_repeats_differ_only_in_their_seed() {
     let mut lab = Lab::new();
     lab.spec.repeats = 2;
     let plan = lab.plan();
-    let [a, b] = [0, 1].map(|i| plan.cells[i].identity.as_map().unwrap().clone());
+    let [a, b] = [0, 1].map(|i| plan.cells[i].identity.to_value());
+    let [a, b] = [&a, &b].map(|value| value.as_map().unwrap());
     let differing: Vec<&String> = a.keys().filter(|key| a[*key] != b[*key]).collect();
     assert_eq!(differing, ["seed"]);
     assert_ne!(plan.cells[0].id, plan.cells[1].id);

@@ -223,10 +223,7 @@ fn auto_is_replaced_by_a_concrete_backend() {
     let plan = lab.plan();
     let first = lumbre::backends::backend("auto").unwrap().name;
     assert_eq!(plan.cells[0].config.backend, first);
-    assert_eq!(
-        plan.cells[0].identity.as_map().unwrap()["backend"],
-        first.into()
-    );
+    assert_eq!(*plan.cells[0].identity.field("backend"), first.into());
 }
 
 #[test]
@@ -241,9 +238,10 @@ fn resolution_and_depth_fall_back_to_the_scene_and_enter_the_identity() {
     let plan = lab.plan();
     assert_eq!(plan.cells[0].config.resolution, Some([32, 16]));
     assert_eq!(plan.cells[0].config.max_depth, Some(7));
-    let identity = plan.cells[0].identity.as_map().unwrap();
-    assert_eq!(identity["resolution"], Value::List(ints([32, 16]).into()));
-    assert_eq!(identity["max_depth"], Value::Int(7));
+    let identity = &plan.cells[0].identity;
+    let resolution = Value::List(ints([32, 16]).into());
+    assert_eq!(*identity.field("resolution"), resolution);
+    assert_eq!(*identity.field("max_depth"), Value::Int(7));
 }
 
 #[test]

@@ -119,12 +119,20 @@ impl Value {
                 l.iter().for_each(|v| v.hash_into(hasher));
             }
             Value::Map(m) => {
-                hash_tagged(hasher, b'm', &(m.len() as u64).to_le_bytes());
-                for (k, v) in m {
-                    hash_tagged(hasher, b'k', k.as_bytes());
-                    v.hash_into(hasher);
-                }
+                Value::hash_fields(m.iter().map(|(k, v)| (k.as_str(), v)), hasher);
             }
+        }
+    }
+
+    /// Does the same for the map of these fields, which are ordered by name.
+    pub fn hash_fields<'a>(
+        fields: impl ExactSizeIterator<Item = (&'a str, &'a Value)>,
+        hasher: &mut blake3::Hasher,
+    ) {
+        hash_tagged(hasher, b'm', &(fields.len() as u64).to_le_bytes());
+        for (k, v) in fields {
+            hash_tagged(hasher, b'k', k.as_bytes());
+            v.hash_into(hasher);
         }
     }
 }
