@@ -45,7 +45,7 @@ const RENDER_S: Column = column(
 const WALL_S: Column = column(
     "wall_s",
     "s",
-    "seconds since the start of the run, including everything",
+    "clock time of the run, with measuring and writing, without pauses and turns of others",
 );
 const PATHS: Column = column("paths", "1", "camera paths so far");
 const RAYS: Column = column("rays", "1", "rays so far");
@@ -85,11 +85,7 @@ pub const MEASUREMENT: [Column; 8] = [
     WAVE,
     column("samples", "1", "samples per pixel so far"),
     RENDER_S,
-    column(
-        "wall_s",
-        "s",
-        "clock time since the run began, with measuring and writing, without pauses",
-    ),
+    WALL_S,
     column("measure_s", "s", "time spent on metrics"),
     PATHS,
     RAYS,

@@ -24,6 +24,7 @@ use lumbre::script::scene;
 use lumbre::store::write::metrics_csv;
 use lumbre_light::film::time::TimeAxis;
 use lumbre_light::scene::load::{self, MissingTextures};
+use lumbre_light::scene::compile::SHARED_FROM;
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::path_time::Timing;
@@ -41,6 +42,9 @@ static METER: meter::Meter = meter::Meter;
 const SMALL: usize = 96 << 20;
 /// Additional bytes of memory that reading may take per byte of the files.
 const GROWTH: usize = 8192;
+/// Additional bytes of memory for each triangle of the compiled scene, of at most [`SHARED_FROM`]: below
+/// that number, entities of one mesh have copies of it.
+const COPY: usize = 512;
 
 /// Greatest number of accepted inputs that are kept to make further ones from.
 const KEPT: usize = 256;
@@ -156,10 +160,11 @@ fn write(folder: &Path, name: &str, bytes: &[u8]) {
     fs::write(path, bytes).expect("the folder can be written");
 }
 
-/// Runs a function and panics if it allocates more memory than the size of the files justifies.
-fn check_memory(bytes: usize, run: impl FnOnce()) {
-    let limit = SMALL + GROWTH * bytes;
-    let ((), most) = meter::peak(run);
+/// Runs a function and panics if it allocates more memory than the size of the files and the number of
+/// triangles that it returns justify.
+fn check_memory(bytes: usize, run: impl FnOnce() -> usize) {
+    let (triangles, most) = meter::peak(run);
+    let limit = SMALL + GROWTH * bytes + COPY * triangles.min(SHARED_FROM);
     assert!(
         most <= limit,
         "{most} bytes allocated for {bytes} bytes of input: the limit is {limit}"
@@ -176,12 +181,15 @@ pub fn scene(sample: &str, replaced: &str, bytes: &[u8]) -> bool {
         match scene::read(&folder.main, &Default::default(), MissingTextures::Note) {
             Ok((desc, _)) => {
                 is_read = true;
-                drop(compile(&desc));
+                compile(&desc).map_or(0, |(compiled, _)| compiled.triangles.len())
             }
-            Err(e) => assert!(
-                e.to_string().len() < 20_000,
-                "the error text is longer than 20,000 bytes"
-            ),
+            Err(e) => {
+                assert!(
+                    e.to_string().len() < 20_000,
+                    "the error text is longer than 20,000 bytes"
+                );
+                0
+            }
         }
     });
     is_read
@@ -204,6 +212,7 @@ pub fn texture(bytes: &[u8]) -> bool {
     let mut is_read = false;
     check_memory(bytes.len(), || {
         is_read = load::texture(&folder.main, &mut Vec::new()).is_ok();
+        0
     });
     is_read
 }
@@ -278,7 +287,10 @@ pub fn checkpoint(bytes: &[u8]) -> bool {
     };
     let mut restored = renderer(&states.scene, technique);
     let mut accepted = false;
-    check_memory(state.len(), || accepted = restored.restore(&state).is_ok());
+    check_memory(state.len(), || {
+        accepted = restored.restore(&state).is_ok();
+        0
+    });
     if accepted {
         renderer(&states.scene, technique)
             .restore(&save_state(restored.as_ref()))

@@ -10,6 +10,7 @@ mod bench;
 mod command;
 #[cfg(unix)]
 mod fuzz;
+mod inlining;
 #[cfg(unix)]
 mod page;
 mod release;
@@ -40,6 +41,9 @@ enum Chore {
     /// Feed changed files to every reader, and count what it accepted and what it reached
     #[cfg(unix)]
     Fuzz(fuzz::Args),
+    /// Search the compiled program for vector instructions that are called as functions; needs
+    /// `objdump`
+    Inlining,
     /// Pack the program, its manual page, completions and licences into an archive with a checksum
     Release(release::Args),
     /// Compile the shaders to the SPIR-V that is committed; needs `--features shader-dev` and a C++
@@ -60,6 +64,7 @@ fn main() -> ExitCode {
         Chore::Bench(args) => bench::run(&args),
         #[cfg(unix)]
         Chore::Fuzz(args) => fuzz::run(&args),
+        Chore::Inlining => inlining::run(),
         Chore::Release(args) => release::run(&args),
         #[cfg(feature = "shader-dev")]
         Chore::Shaders(args) => shaders::run(&args),

@@ -5,8 +5,8 @@
 //! instruction becomes a call: the same bits at half the speed of the scalar path. No other test
 //! would notice, since none measures time.
 //!
-//! Closures cannot be force-inlined, and this test does not detect those that use vectors:
-//! `docs/notes/vectorisation.md` states their cost and how to find them.
+//! Closures cannot be force-inlined, and this test does not detect those that use vectors: `cargo
+//! xtask inlining` finds them in the compiled program.
 
 use super::source::{code_only, rust_files, text, words};
 

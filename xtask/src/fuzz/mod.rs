@@ -65,6 +65,9 @@ const FUZZING: &str = "-Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-le
 /// Flags with which a target writes the lines that it reaches.
 const COVERAGE: &str = "-Cinstrument-coverage --cfg fuzzing";
 
+/// Program that writes samples of all formats.
+const SEEDS: &str = "seeds";
+
 /// Largest input in bytes.
 const LONGEST: u32 = 20_000;
 /// Findings after which a target runs no more.
@@ -126,13 +129,10 @@ pub fn run(args: &Args) -> Result<(), String> {
     }
     make_folder(&args.out)?;
     let out = args.out.canonicalize().map_err(|e| e.to_string())?;
-    seed(&out)?;
     let names: Vec<&str> = targets.iter().map(|(name, _)| *name).collect();
     let programs = build(&out.join("build"), FUZZING, &names)?;
-    let readers = match args.page {
-        true => Some(build(&out.join("coverage"), COVERAGE, &names)?),
-        false => None,
-    };
+    let readers = seed(&out, if args.page { &names } else { &[] })?;
+    let readers = args.page.then_some(readers);
     let time = Duration::from_secs_f64((args.minutes * 60.0).clamp(1.0, 1e9));
     let records = root().join("fuzz/corpus");
     let queue = Mutex::new(targets.iter());
@@ -218,33 +218,31 @@ fn row(name: &str, tally: &Tally) -> String {
     )
 }
 
-/// Writes the first inputs of all targets: samples of their formats.
-fn seed(out: &Path) -> Result<(), String> {
-    let mut command = fuzz_cargo(&out.join("build"), "");
-    command.args(["run", "--locked", "--release", "--bin", "seeds"]);
-    execute(command.arg(out.join("corpus")))
+/// Builds targets that write the lines that they reach, and writes the first inputs of all targets:
+/// samples of their formats. Returns the folder of the programs.
+fn seed(out: &Path, names: &[&str]) -> Result<PathBuf, String> {
+    // With the flags of the targets, since other flags need a build of their own.
+    let programs = build(&out.join("coverage"), COVERAGE, &[names, &[SEEDS]].concat())?;
+    let mut command = Command::new(programs.join(SEEDS));
+    command.env("LLVM_PROFILE_FILE", "/dev/null");
+    execute(command.arg(out.join("corpus")))?;
+    Ok(programs)
 }
 
 /// Builds targets with flags of the compiler, and returns the folder of the programs.
 fn build(target: &Path, flags: &str, names: &[&str]) -> Result<PathBuf, String> {
-    let mut command = fuzz_cargo(target, flags);
-    command.args(["build", "--locked", "--release", "--target", SYSTEM]);
+    let mut command = cargo();
+    command
+        .current_dir(root().join("fuzz"))
+        .env("CARGO_TARGET_DIR", target)
+        .env("RUSTFLAGS", flags)
+        .args(["build", "--locked", "--release", "--target", SYSTEM]);
     for name in names {
         command.args(["--bin", name]);
     }
     // The pass that counts branches is open to unstable compilers alone.
     execute(command.env("RUSTC_BOOTSTRAP", "1"))?;
     Ok(target.join(SYSTEM).join("release"))
-}
-
-/// Returns the command `cargo` for the package of the targets.
-fn fuzz_cargo(build: &Path, flags: &str) -> Command {
-    let mut command = cargo();
-    command
-        .current_dir(root().join("fuzz"))
-        .env("CARGO_TARGET_DIR", build)
-        .env("RUSTFLAGS", flags);
-    command
 }
 
 /// A target that was built.

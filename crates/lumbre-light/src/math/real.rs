@@ -297,10 +297,24 @@ pub trait Vector:
     fn element_sum(self) -> Self::Scalar {
         self.x() + self.y() + self.z()
     }
-    /// Applies a function to each component.
+    /// Returns the square roots of the components.
     #[inline(always)]
-    fn map(self, f: impl Fn(Self::Scalar) -> Self::Scalar) -> Self {
-        Self::new(f(self.x()), f(self.y()), f(self.z()))
+    fn sqrt(self) -> Self {
+        Self::new(self.x().sqrt(), self.y().sqrt(), self.z().sqrt())
+    }
+    /// Returns the vector with no component above `most`.
+    #[inline(always)]
+    fn at_most(self, most: Self::Scalar) -> Self {
+        Self::new(self.x().min(most), self.y().min(most), self.z().min(most))
+    }
+    /// Returns the vector with no component below `least`.
+    #[inline(always)]
+    fn at_least(self, least: Self::Scalar) -> Self {
+        Self::new(
+            self.x().max(least),
+            self.y().max(least),
+            self.z().max(least),
+        )
     }
 }
 

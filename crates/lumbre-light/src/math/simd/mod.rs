@@ -313,6 +313,17 @@ pub fn map_array<T: Copy, U: Copy, const N: usize>(values: [T; N], f: impl Fn(T)
     mapped
 }
 
+/// Returns the vector of each lane.
+#[inline(always)]
+pub fn store_vectors<R: Lanes<N>, const N: usize>(vectors: R::Vec3) -> [Vec3; N] {
+    let [x, y, z] = [
+        vectors.x().store(),
+        vectors.y().store(),
+        vectors.z().store(),
+    ];
+    std::array::from_fn(|lane| Vec3::new(x[lane], y[lane], z[lane]))
+}
+
 /// Applies a scalar function to the lane index and the vector of each lane of `wanted`, for
 /// functions without vector instructions. Results of other lanes are 0.
 #[inline(always)]
@@ -321,14 +332,10 @@ pub fn map_vectors<R: Lanes<N>, const N: usize, const K: usize>(
     wanted: R::Mask,
     f: impl Fn(usize, Vec3) -> [f32; K],
 ) -> [R; K] {
-    let [x, y, z] = [
-        vectors.x().store(),
-        vectors.y().store(),
-        vectors.z().store(),
-    ];
+    let vectors = store_vectors::<R, N>(vectors);
     let mut results = [[0.0; N]; K];
     for lane in active_lanes(wanted.bits()) {
-        let numbers = f(lane, Vec3::new(x[lane], y[lane], z[lane]));
+        let numbers = f(lane, vectors[lane]);
         for (result, number) in results.iter_mut().zip(numbers) {
             result[lane] = number;
         }

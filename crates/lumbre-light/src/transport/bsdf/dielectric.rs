@@ -30,7 +30,7 @@ pub fn sample<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(
     };
     let sample = LobeSample {
         wi: V::select(reflects, V::new(-wo.x(), -wo.y(), wo.z()), refracted),
-        weight: V::select(reflects, V::splat(one), base_color.map(R::sqrt) * scale),
+        weight: V::select(reflects, V::splat(one), base_color.sqrt() * scale),
         eta: R::select(reflects, one, fresnel.eta),
     };
     let probability = R::select(reflects, fresnel.reflectance, one - fresnel.reflectance);

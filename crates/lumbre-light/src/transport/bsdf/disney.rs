@@ -142,7 +142,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
                 // The reflectance of a high index dips below its value at normal incidence before
                 // it rises.
                 let blend = (exact - f0) / (R::splat(1.0) - f0);
-                (tinted + (V::splat(R::splat(1.0)) - tinted) * blend).map(|x| x.max(R::splat(0.0)))
+                (tinted + (V::splat(R::splat(1.0)) - tinted) * blend).at_least(R::splat(0.0))
             }
         }
     }
@@ -481,7 +481,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
     /// colour [Burley 2015, 5.3].
     #[inline(always)]
     fn tint(&self) -> V {
-        self.base_color.map(R::sqrt)
+        self.base_color.sqrt()
     }
 }
 

@@ -27,7 +27,7 @@ pub struct Glass<V: Vector = Vec3> {
 impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Glass<V> {
     #[inline(always)]
     fn tint(&self) -> V {
-        self.base_color.map(R::sqrt)
+        self.base_color.sqrt()
     }
 
     /// Returns value and density of `i` given `out.o`, for `out.o` on the upper side.

@@ -70,7 +70,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Plastic<V> {
         } else {
             V::splat(internal)
         };
-        let rest = (V::splat(one) - recurring).map(|x| x.max(R::splat(1e-6)));
+        let rest = (V::splat(one) - recurring).at_least(R::splat(1e-6));
         let body = V::new(
             diffuse.x() / rest.x(),
             diffuse.y() / rest.y(),

@@ -7,7 +7,7 @@ use glam::Vec3;
 use super::FilterSpec;
 use super::filter::FilmEdge;
 use crate::math::real::{Mask, Real, Vector};
-use crate::math::simd::{Lanes, active_lanes};
+use crate::math::simd::{Lanes, active_lanes, map_array};
 use crate::math::warp::concentric_disk_lanes;
 use crate::scene::desc::{CameraDesc, CameraKind};
 use crate::transport::ray::Ray;
@@ -198,7 +198,8 @@ impl Camera {
         lens_u: [V::Scalar; 2],
     ) -> [V; 2] {
         let [dx, dy] = self.filter.sample(filter_u);
-        let [half, center] = [self.half, self.center].map(|xy| xy.map(V::Scalar::splat));
+        let half = map_array(self.half, V::Scalar::splat);
+        let center = map_array(self.center, V::Scalar::splat);
         let x = film_coordinate(pixel[0], dx, self.resolution[0]) * half[0] + center[0];
         let y = film_coordinate(pixel[1], dy, self.resolution[1]) * half[1] + center[1];
         match self.kind {
@@ -361,9 +362,9 @@ impl Camera {
     /// axis in the unit of [`Camera::half`], to the right and downwards.
     #[inline(always)]
     pub(super) fn raster<R: Real>(&self, [x, y]: [R; 2]) -> [R; 2] {
-        let [half_x, half_y] = self.half.map(R::splat);
-        let [center_x, center_y] = self.center.map(R::splat);
-        let [width, height] = self.resolution.map(R::splat);
+        let [half_x, half_y] = map_array(self.half, R::splat);
+        let [center_x, center_y] = map_array(self.center, R::splat);
+        let [width, height] = map_array(self.resolution, R::splat);
         let (half, one) = (R::splat(0.5), R::splat(1.0));
         [
             half * ((x - center_x) / half_x + one) * width,
@@ -401,7 +402,7 @@ impl Camera {
         let (mut pixels, mut weights) = ([[0; 2]; N], [0.0; N]);
         if self.filter == FilterSpec::PIXEL {
             // The pixel that contains the position, as `FilterSpec::choose_pixel` returns it.
-            let [width, height] = self.resolution.map(R::splat);
+            let [width, height] = map_array(self.resolution, R::splat);
             let inside = ahead & x.ge(zero) & x.lt(width) & y.ge(zero) & y.lt(height);
             let [x, y] = [R::store_words(x.truncated()), R::store_words(y.truncated())];
             for i in active_lanes(inside.bits()) {

@@ -15,6 +15,7 @@
 
 use super::lens::Camera;
 use crate::math::real::{Real, Vector};
+use crate::math::simd::map_array;
 use crate::math::trig;
 
 impl Camera {
@@ -24,7 +25,7 @@ impl Camera {
     pub(super) fn direction_at<V: Vector>(&self, [longitude, down]: [V::Scalar; 2]) -> V {
         let (sin_x, cos_x) = trig::sin_cos(longitude);
         let (sin_y, cos_y) = trig::sin_cos(down);
-        let [right, up, forward] = [self.right, self.up, self.forward].map(V::broadcast);
+        let [right, up, forward] = map_array([self.right, self.up, self.forward], V::broadcast);
         let level = right * sin_x + forward * cos_x;
         (level * cos_y.abs() - up * sin_y).normalize_or(forward)
     }
@@ -33,7 +34,7 @@ impl Camera {
     /// pi, exclusive, and from -pi / 2 to pi / 2.
     #[inline(always)]
     pub(super) fn angles_of<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(&self, dir: V) -> [R; 2] {
-        let [right, up, forward] = [self.right, self.up, self.forward].map(V::broadcast);
+        let [right, up, forward] = map_array([self.right, self.up, self.forward], V::broadcast);
         let longitude = dir.dot(right).zip_lanes(dir.dot(forward), f32::atan2);
         let down = (-dir.dot(up)).zip_lanes(self.sin_theta(dir), f32::atan2);
         // The right edge is the left one.

@@ -52,9 +52,12 @@ impl<R: Lanes<N>, const N: usize> Directions<R, N> for SurfaceDirections<R> {
         (bsdf, ..): SurfaceVertex<'_, R>,
         smooth: R::Mask,
     ) -> SurfaceDirections<R> {
-        let uniform = context.settings.uniform_directions;
         SurfaceDirections {
-            uniform: uniform.then(|| UniformDirections::at(bsdf, smooth)),
+            uniform: if context.settings.uniform_directions {
+                Some(UniformDirections::at(bsdf, smooth))
+            } else {
+                None
+            },
         }
     }
 

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::{LightId, Lights};
 use crate::math::real::{Mask, Real, Vector};
-use crate::math::simd::{F32x8, Lanes, active_lanes, map_array};
+use crate::math::simd::{F32x8, Lanes, active_lanes, map_array, store_vectors};
 use crate::scene::CompiledScene;
 use crate::scene::compile::NONE;
 use crate::transport::vertex::greatest_coordinate;
@@ -119,7 +119,7 @@ impl Lights {
         let Some(tree) = &self.tree else {
             return self.select(choice, wanted);
         };
-        let (choices, points) = (choice.store(), store_points::<R, N>(from));
+        let (choices, points) = (choice.store(), store_vectors::<R, N>(from));
         let (mut indices, mut chosen) = ([0; N], [0.0; N]);
         for i in active_lanes(wanted.bits()) {
             (indices[i], chosen[i]) = tree.choose(points[i], choices[i]);
@@ -187,13 +187,6 @@ impl Lights {
     }
 }
 
-/// Returns the point of each lane.
-#[inline(always)]
-fn store_points<R: Lanes<N>, const N: usize>(points: R::Vec3) -> [Vec3; N] {
-    let [x, y, z] = [points.x().store(), points.y().store(), points.z().store()];
-    std::array::from_fn(|i| Vec3::new(x[i], y[i], z[i]))
-}
-
 impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
     /// Returns the probability with which [`Lights::select_for`] selects each light for the point
     /// `from`.
@@ -202,7 +195,7 @@ impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
         let Some(tree) = &self.lights.tree else {
             return self.probability;
         };
-        let (exist, points) = (self.probability.store(), store_points::<R, N>(from));
+        let (exist, points) = (self.probability.store(), store_vectors::<R, N>(from));
         let mut probabilities = [0.0; N];
         for i in 0..N {
             if exist[i] > 0.0 {

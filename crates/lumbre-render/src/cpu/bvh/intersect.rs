@@ -85,7 +85,11 @@ impl TriangleBlock {
             let mut edges = [u.store(), v.store(), w.store()];
             recompute_in_f64(
                 &mut edges,
-                [a, b, c].map(|p| [p[0].store(), p[1].store()]),
+                [
+                    [a[0].store(), a[1].store()],
+                    [b[0].store(), b[1].store()],
+                    [c[0].store(), c[1].store()],
+                ],
                 on_edge,
             );
             (u, v, w) = (L::load(&edges[0]), L::load(&edges[1]), L::load(&edges[2]));

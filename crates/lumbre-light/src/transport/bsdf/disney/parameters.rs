@@ -28,11 +28,11 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
     ) -> Disney<V> {
         let (zero, one) = (R::splat(0.0), R::splat(1.0));
         let white = V::splat(one);
-        let tinted_f0 = m
-            .specular_tint
-            .gt(zero)
-            .any()
-            .then(|| (tinted(base_color, m.specular_tint) * f0_of(m.ior)).map(|x| x.min(one)));
+        let tinted_f0 = if m.specular_tint.gt(zero).any() {
+            Some((tinted(base_color, m.specular_tint) * f0_of(m.ior)).at_most(one))
+        } else {
+            None
+        };
         let sheen = if m.sheen.gt(zero).any() {
             let color = if m.sheen_tint.gt(zero).any() {
                 tinted(base_color, m.sheen_tint)

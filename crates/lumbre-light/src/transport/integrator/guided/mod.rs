@@ -27,8 +27,6 @@ pub mod settings;
 mod tests;
 pub mod training;
 
-use glam::Vec3;
-
 use self::sd_tree::SdTree;
 use self::training::Guide;
 use super::camera_path::{self, Arrival, CameraPaths, Path, PathSink};
@@ -37,7 +35,7 @@ use super::iteration::Sharing;
 use super::nee;
 use super::{Context, IntegratorRow, settings as common};
 use crate::math::real::{Mask, Vector};
-use crate::math::simd::{Lanes, active_lanes, map_vectors};
+use crate::math::simd::{Lanes, active_lanes, map_vectors, store_vectors};
 use crate::scene::compile::NONE;
 use crate::transport::bsdf::{BsdfSample, TransportMode};
 use crate::transport::light::SELECT_FIELD;
@@ -140,14 +138,10 @@ impl<R: Lanes<N>, const N: usize> Directions<R, N> for MixedDirections<R, N> {
         smooth: R::Mask,
     ) -> MixedDirections<R, N> {
         let tree = tree(context);
-        let (x, y, z) = (
-            position.x().store(),
-            position.y().store(),
-            position.z().store(),
-        );
+        let positions = store_vectors::<R, N>(position);
         let mut leaves = [NONE; N];
         for i in active_lanes(smooth.bits()) {
-            let leaf = tree.leaf_at(Vec3::new(x[i], y[i], z[i]));
+            let leaf = tree.leaf_at(positions[i]);
             if tree.directions(leaf).is_some() {
                 leaves[i] = leaf;
             }

@@ -37,7 +37,7 @@ use super::iteration::Sharing;
 use super::iteration::photon_map::{PhotonMap, cosine_ratio, point_bytes, same_surface};
 use super::{Context, IntegratorRow, nee, settings};
 use crate::math::real::{Double, Mask, Real, Vector};
-use crate::math::simd::{Lanes, active_lanes};
+use crate::math::simd::{Lanes, active_lanes, store_vectors};
 use crate::transport::arrival::Arrival;
 use crate::transport::bsdf::{Bsdf, Outgoing, TransportMode};
 use crate::transport::light::SELECT_FIELD;
@@ -179,10 +179,8 @@ impl<R: Lanes<N>, const N: usize> GatherPoint<'_, R, N> {
     ) {
         let map: &PhotonMap<PhotonRecord> = context.shared();
         let max_edges = context.max_depth - self.edge;
-        let [positions, normals] = [self.surface.position, self.surface.n_geometric].map(|v| {
-            let (x, y, z) = (v.x().store(), v.y().store(), v.z().store());
-            std::array::from_fn::<_, N, _>(|i| glam::Vec3::new(x[i], y[i], z[i]))
-        });
+        let positions = store_vectors::<R, N>(self.surface.position);
+        let normals = store_vectors::<R, N>(self.surface.n_geometric);
         let mut near: [Vec<(u32, &PhotonRecord)>; N] = std::array::from_fn(|_| Vec::new());
         for i in active_lanes(lanes.bits()) {
             map.for_each_near::<R, N>([positions[i], normals[i]], |record| {

@@ -38,10 +38,17 @@ pub(super) fn intersect_sphere_twice<R: Real>(
     let enters = near.gt(zero);
     let first = R::select(missed, zero, R::select(enters, near, far));
     let second = R::select(missed | !enters, zero, far);
-    [first, second].map(|t| Candidates {
+    [candidates(first), candidates(second)]
+}
+
+/// Returns the hits at these distances; none where a distance is zero.
+#[inline(always)]
+fn candidates<R: Real>(t: R) -> Candidates<R> {
+    let zero = R::splat(0.0);
+    Candidates {
         t: R::select(t.gt(zero), t, R::splat(f32::INFINITY)),
         v: zero,
         w: zero,
         divisor: R::splat(1.0),
-    })
+    }
 }
