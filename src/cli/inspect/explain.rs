@@ -148,21 +148,24 @@ fn explain_planned_run(plan: &Plan, cell: CellRef, folder: &Path, id: &str) -> V
 fn explain_missing_run(plan: &Plan, record: &RunRecord) -> Verdict {
     let path = record.config.path.as_deref().unwrap_or_default();
     let old = &record.config.identity;
-    let candidates: Vec<(&str, Value)> = if path.is_empty() {
+    let compared: Vec<(&str, Vec<[String; 3]>)> = if path.is_empty() {
         plan.references
             .iter()
-            .map(|r| (r.id.0.as_str(), r.identity.clone()))
+            .map(|r| (r.id.0.as_str(), differences(old, &r.identity)))
             .collect()
     } else {
         plan.cells
             .iter()
-            .map(|cell| (cell.path.as_str(), cell.identity.to_value()))
+            .map(|cell| {
+                let new = cell.identity.to_value();
+                (cell.path.as_str(), differences(old, &new))
+            })
             .collect()
     };
-    let nearest = candidates
-        .iter()
-        .min_by_key(|(name, new)| (*name != path, differences(old, new).len()));
-    let Some((name, new)) = nearest else {
+    let nearest = compared
+        .into_iter()
+        .min_by_key(|(name, fields)| (*name != path, fields.len()));
+    let Some((name, fields)) = nearest else {
         let reasons = vec!["it is not part of the script's plan, which is empty".to_owned()];
         return Verdict {
             again: false,
@@ -174,7 +177,6 @@ fn explain_missing_run(plan: &Plan, record: &RunRecord) -> Verdict {
         "it is no longer part of the script's plan; the most similar run is {name}, which differs \
          in:"
     )];
-    let fields = differences(old, new);
     if let Some(render) = &record.config.render
         && fields.iter().any(|[field, ..]| field == "scene")
     {
