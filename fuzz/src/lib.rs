@@ -23,8 +23,8 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use lumbre::script::scene;
 use lumbre::store::write::metrics_csv;
 use lumbre_light::film::time::TimeAxis;
-use lumbre_light::scene::load::{self, MissingTextures};
 use lumbre_light::scene::compile::SHARED_FROM;
+use lumbre_light::scene::load::{self, MissingTextures};
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::path_time::Timing;
@@ -54,6 +54,9 @@ const EXTENT: Extent = Extent {
     changes: 1,
     copies: 4,
 };
+/// Part of the inputs in percent that should be accepted: while fewer are, none is made by changes of bytes.
+/// More than half, for what earlier runs fell short of.
+const GOAL: u64 = 55;
 /// Number of inputs after which the part that was accepted is printed.
 const INTERVAL: u64 = 1 << 12;
 
@@ -104,11 +107,13 @@ pub fn count(bytes: &[u8], is_accepted: bool) {
 
 /// Makes the next input in `data`, which has `size` bytes of another one, and returns its size. Most
 /// are made from an input that was accepted, by changes of tokens, numbers and lines; the rest by
-/// libFuzzer's changes of bytes.
+/// libFuzzer's changes of bytes, of which few are accepted.
 pub fn mutate(data: &mut [u8], size: usize, max_size: usize, seed: u32) -> usize {
     let mut random = Random::new([seed, 0, 0]);
-    let kept = &ACCEPTED.lock().unwrap_or_else(PoisonError::into_inner).kept;
-    if kept.is_empty() || random.below(8) == 0 {
+    let all = ACCEPTED.lock().unwrap_or_else(PoisonError::into_inner);
+    let kept = &all.kept;
+    let has_enough = 100 * all.accepted >= GOAL * all.tried;
+    if kept.is_empty() || has_enough && random.below(8) == 0 {
         return libfuzzer_sys::fuzzer_mutate(data, size, max_size);
     }
     let from = match random.below(4) {
