@@ -264,7 +264,7 @@ fn more_arrays_than_a_shader_of_the_device_can_access_are_refused() {
     );
     let error = error.err().unwrap().to_string();
     assert!(
-        error.contains("32 storage buffers in one shader (at most 31)"),
+        error.contains("36 storage buffers in one shader (at most 31)"),
         "{error}"
     );
 }

@@ -31,6 +31,7 @@ mod faults;
 pub mod harness;
 mod images;
 mod instances;
+mod light_paths;
 mod night;
 mod parallel;
 mod parity;

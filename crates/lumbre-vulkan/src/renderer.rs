@@ -9,6 +9,7 @@ use super::context::session;
 use super::error::VulkanError;
 use super::films::device_film::{DeviceFilms, RestoreError, SplatMode};
 use super::layout::{PathStep, WaveParams};
+use super::memory::light_paths::LightPathBuffers;
 use super::memory::upload;
 use super::memory::upload::{JobBuffers, SceneBuffers};
 use super::pipelines::compute::Bindings;
@@ -41,6 +42,7 @@ pub struct VulkanRenderer {
     program: Program,
     bindings: Bindings,
     films: DeviceFilms,
+    _light_paths: LightPathBuffers,
     _traversal: Traversal,
     _job_buffers: JobBuffers,
     _scene: Arc<SceneBuffers>,
@@ -156,14 +158,19 @@ impl VulkanRenderer {
             splat_mode,
             samples,
         )?;
+        let light_paths = LightPathBuffers::new(device, job)?;
         let mut resources = upload::bindings(&scene_buffers, &job_buffers);
         resources.extend(films.bindings());
+        resources.extend(light_paths.bindings());
         resources.extend(traversal.bindings());
         let bindings = Bindings::new(device, Program::stages(kind), &resources)?;
         let start = Instant::now();
         let modes = (splat_mode, samples);
         let program = Program::new(kind, sources, job, modes, &constants, &bindings)?;
         program.warm_up(device, &bindings)?;
+        if let Some(light) = program.light() {
+            light.prepare(device, &bindings, &light_paths, job)?;
+        }
         let pipeline_s = start.elapsed().as_secs_f64();
         Ok(VulkanRenderer {
             speculative: None,
@@ -171,6 +178,7 @@ impl VulkanRenderer {
             program,
             bindings,
             films,
+            _light_paths: light_paths,
             _traversal: traversal,
             _job_buffers: job_buffers,
             _scene: scene_buffers,
@@ -263,6 +271,9 @@ impl VulkanRenderer {
                     self.device.barrier_to_shaders(commands);
                 }
                 let first = self.first_sample + before + part.done;
+                if part.row == 0 {
+                    self.program.begin(commands, &self.bindings, first);
+                }
                 let wave = WaveParams::new(first, part.samples, part.row, part.rows);
                 self.program
                     .dispatch(commands, &self.bindings, self.film.width, &wave);
@@ -322,7 +333,7 @@ impl VulkanRenderer {
         {
             return Ok(());
         }
-        let mut rest = WaveSplitter::new([self.film.width, self.film.height], more);
+        let mut rest = self.splitter(more);
         let dispatches = rest.next_dispatches(
             &self.pacer,
             ((self.away.1[0].max(self.away.1[1]) / TARGET_S) as usize + 1)
@@ -345,7 +356,7 @@ impl VulkanRenderer {
         samples: u64,
         stats: &mut WaveStats,
     ) -> Result<WaveSplitter, VulkanError> {
-        let whole = WaveSplitter::new([self.film.width, self.film.height], samples);
+        let whole = self.splitter(samples);
         let Some(SpeculativeWave {
             submission,
             dispatches,
@@ -369,6 +380,12 @@ impl VulkanRenderer {
         Ok(whole)
     }
 
+    /// Starts to split a wave of `samples` samples into dispatches.
+    fn splitter(&self, samples: u64) -> WaveSplitter {
+        let size = [self.film.width, self.film.height];
+        WaveSplitter::new(size, samples).at_once(self.program.max_samples())
+    }
+
     /// Records the events of samples, in a run opened by [`VulkanRenderer::recording`]. Its film
     /// must not be used afterwards.
     ///
@@ -383,6 +400,7 @@ impl VulkanRenderer {
             self.films.clear_events()?;
             self.device.run("path events", |commands| {
                 self.device.barrier_to_shaders(commands);
+                self.program.begin(commands, &self.bindings, sample);
                 self.program
                     .dispatch(commands, &self.bindings, self.film.width, &wave);
                 self.device.barrier_to_copy(commands);

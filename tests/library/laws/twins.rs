@@ -88,11 +88,7 @@ const HOST: &[(&str, &str)] = &[
     ),
     (
         "crates/lumbre-light/src/transport/integrator/bdpt/merge.rs",
-        "devices share no data between pixels",
-    ),
-    (
-        "crates/lumbre-light/src/transport/integrator/bdpt/draw.rs",
-        "devices share no data between pixels",
+        "devices merge no vertices",
     ),
     (
         "crates/lumbre-light/src/transport/integrator/directions.rs",
@@ -201,20 +197,16 @@ const HOST: &[(&str, &str)] = &[
         "techniques of other programs",
     ),
     (
-        "crates/lumbre-light/src/transport/integrator/iteration/light_paths.rs",
-        "devices share no data between pixels",
-    ),
-    (
         "crates/lumbre-light/src/transport/integrator/iteration/mod.rs",
-        "devices share no data between pixels",
+        "the host records what devices compute before samples",
     ),
     (
         "crates/lumbre-light/src/transport/integrator/iteration/photon_map.rs",
-        "devices share no data between pixels",
+        "devices gather no photons",
     ),
     (
         "crates/lumbre-light/src/transport/integrator/iteration/recorded.rs",
-        "devices share no data between pixels",
+        "devices learn from no samples",
     ),
     (
         "crates/lumbre-light/src/transport/integrator/mod.rs",

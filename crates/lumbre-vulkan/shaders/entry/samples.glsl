@@ -17,7 +17,7 @@ SampleValue render_sample(uvec2 pixel, uint at, uvec2 index) {
 
 // Adds the wave's samples to a pixel. With PARALLEL_SAMPLES it stores the value of sample `place.z`
 // instead, and `sum.comp` adds them.
-void render_pixel(uvec3 place) {
+void render(uvec3 place) {
     uvec2 pixel;
     if (!pixel_at(place.xy, pixel)) {
         return;

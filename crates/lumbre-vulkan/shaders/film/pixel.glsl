@@ -42,6 +42,14 @@ uint sample_value_at(uint i, uint pixel) {
     return i * job.resolution.x * job.resolution.y + pixel;
 }
 
+// Adds rays to those of the submission.
+void count_rays(uint rays) {
+    uint before = atomicAdd(counters.rays.x, rays);
+    if (before + rays < before) {
+        atomicAdd(counters.rays.y, 1u);
+    }
+}
+
 PixelFilm pixel_begin(uint pixel) {
     Invalid invalid = pixel_invalid[pixel];
     return PixelFilm(pixel_sums[pixel], invalid, invalid.count, 0u);
@@ -70,10 +78,7 @@ void pixel_end(PixelFilm film, uint pixel) {
         pixel_invalid[pixel] = film.invalid;
         atomicAdd(counters.invalid, film.invalid.count - film.refused);
     }
-    uint before = atomicAdd(counters.rays.x, film.rays);
-    if (before + film.rays < before) {
-        atomicAdd(counters.rays.y, 1u);
-    }
+    count_rays(film.rays);
 }
 
 #endif

@@ -45,6 +45,12 @@ const uint INSTANCE_TRIANGLES = 0u;
 const uint INSTANCE_SPHERES = 1u;
 const uint INSTANCE_MESHES = 2u;
 const uint BVH_STACK = 32u;
+const uint NOT_CONNECTIBLE = 2147483648u;
+const uint LIGHT_PATHS_ROW = 1024u;
+const uint LIST_BLOCK = 256u;
+const uint LIST_STEP_PATHS = 0u;
+const uint LIST_STEP_BLOCKS = 1u;
+const uint LIST_STEP_VERTICES = 2u;
 
 // Corners of a triangle in world space, counter-clockwise seen from its front.
 struct Triangle {
@@ -260,6 +266,10 @@ struct JobParams {
     uint mis; // MIS_POWER, MIS_BALANCE, or NONE.
     uvec2 one_strategy; // Strategy (s, t) that is selected or left out; NONE, NONE for all.
     uint keep_strategy; // 1 if only that strategy is used, 0 if it is left out.
+    uint light_path_count; // Number of light subpaths of an iteration; 0 if samples share none.
+    uint connections; // Number of connections of a camera vertex with drawn light vertices.
+    uint candidates; // Number of vertices that are drawn for each connection.
+    uvec2 candidate_step; // Low and high word of 2^64 divided by that number, rounded down; 0 if it is 1.
     uvec2 seed; // Low and high word of the seed.
     uint triangle_count; // Number of triangles: primitive indices from here on are spheres.
     uint sphere_count; // Number of spheres.
@@ -346,10 +356,54 @@ struct PathStep {
     float optical_length; // Optical length of the path; 0 without a time axis.
 };
 
-// Parameters of a dispatch, as push constants.
+// Parameters of a dispatch, as push constants. Of light subpaths it traces `samples` in all, whose random numbers are those of the pixel in column and row `first_row`.
 struct WaveParams {
     uvec2 first_sample; // Low and high word of the first sample's index.
     uint samples; // Number of samples of every pixel.
     uint first_row; // First row of pixels.
     uint rows; // Number of rows of pixels.
+    uint step; // Step of `light_list.comp`.
+};
+
+// A light subpath: its start, and its vertices.
+struct LightPath {
+    uint light; // Index of its light; NONE if there is no subpath.
+    vec3 position; // Position of the start in world space.
+    vec3 normal; // Unit normal there, or direction of the light.
+    float extent; // Greatest absolute coordinate of the primitive.
+    vec4 uv; // Texture coordinates of both sets.
+    vec3 dir; // Unit direction of the first edge.
+    vec3 radiance; // Radiance that the light emits there.
+    uint vertices; // Number of vertices on surfaces.
+    uint connectible; // Number of those that can be connected.
+    uint before; // Number of those of the earlier subpaths of its block.
+};
+
+// A vertex of a light subpath: the ray that hit the surface, and the hit. Everything that depends only on the scene is derived again when the vertex is connected.
+struct LightVertex {
+    vec3 origin; // Origin of the ray.
+    vec3 dir; // Direction of the ray.
+    float t; // Distance of the hit.
+    uint primitive; // Primitive that was hit.
+    uint instance; // Instance of a mesh, or NONE.
+    vec2 uv; // Barycentric weights of the hit.
+    uint material; // Row of the material, with NOT_CONNECTIBLE.
+    float back; // Factor from a density per solid angle to the other side's density of the previous vertex.
+    vec3 throughput; // Throughput of the subpath up to this vertex.
+    float d_vcm; // Root of the first partial sum of MIS terms.
+    float d_vc; // Root of the second partial sum of MIS terms.
+};
+
+// Optical length of a light subpath up to a vertex.
+struct LightLength {
+    float path; // Length of all segments.
+    float delays; // Delays of previous vertices.
+    float delay; // Delay of this vertex.
+    float index; // Index of the last medium.
+};
+
+// Start of the list of vertices that can be connected.
+struct LightListHead {
+    uint count; // Number of vertices in the list.
+    float connecting; // Expected number of connections with each vertex of a light subpath, for weights.
 };

@@ -49,3 +49,5 @@ layout(constant_id = 15) const bool OTHER_LIGHTS = true;
 layout(constant_id = 16) const bool ALL_LIGHTS = false;
 // Whether each sample of a pixel is an invocation, and its value is added afterwards.
 layout(constant_id = 17) const bool PARALLEL_SAMPLES = false;
+// Number of light vertices that are drawn for a connection.
+layout(constant_id = 18) const uint CANDIDATES = 1u;

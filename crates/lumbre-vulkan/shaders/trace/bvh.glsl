@@ -13,10 +13,10 @@
 #include "trace/intersect.glsl"
 #include "transport/surface.glsl"
 
-layout(set = 0, binding = 30, scalar) readonly buffer Nodes { uvec4 nodes[]; };
+layout(set = 0, binding = 34, scalar) readonly buffer Nodes { uvec4 nodes[]; };
 // Triangles, then spheres, then instances.
-layout(set = 0, binding = 31, scalar) readonly buffer LeafPrimitives { uint leaf_primitives[]; };
-layout(set = 0, binding = 32, scalar) readonly buffer Transforms {
+layout(set = 0, binding = 35, scalar) readonly buffer LeafPrimitives { uint leaf_primitives[]; };
+layout(set = 0, binding = 36, scalar) readonly buffer Transforms {
     InstanceTransform transforms[];
 };
 

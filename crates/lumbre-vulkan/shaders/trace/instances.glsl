@@ -9,7 +9,7 @@
 
 // The first triangle of each geometry of the structure over the triangles outside of instances:
 // opaque triangles and those with masks are in different geometries.
-layout(set = 0, binding = 31, scalar) restrict readonly buffer GeometryStarts {
+layout(set = 0, binding = 35, scalar) restrict readonly buffer GeometryStarts {
     uint geometry_starts[];
 };
 

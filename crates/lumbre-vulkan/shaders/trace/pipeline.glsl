@@ -9,7 +9,7 @@
 #include "trace/payload.glsl"
 #include "trace/valid.glsl"
 
-layout(set = 0, binding = 30) uniform accelerationStructureEXT structure;
+layout(set = 0, binding = 34) uniform accelerationStructureEXT structure;
 layout(location = 0) rayPayloadEXT Payload payload;
 
 bool traversal_closest(Ray ray, float t_max, out Hit hit) {

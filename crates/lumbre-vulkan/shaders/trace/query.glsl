@@ -9,7 +9,7 @@
 #include "trace/valid.glsl"
 #include "transport/surface.glsl"
 
-layout(set = 0, binding = 30) uniform accelerationStructureEXT structure;
+layout(set = 0, binding = 34) uniform accelerationStructureEXT structure;
 
 bool traversal_query(Ray ray, float t_max, uint flags, out Hit hit) {
     hit = Hit(t_max, NONE, NONE, vec2(0.0));

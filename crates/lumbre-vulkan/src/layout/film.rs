@@ -80,7 +80,8 @@ super::gpu_structs! {
         optical_length: f32,
     }
 
-    /// Parameters of a dispatch, as push constants.
+    /// Parameters of a dispatch, as push constants. Of light subpaths it traces `samples` in all, whose
+    /// random numbers are those of the pixel in column and row `first_row`.
     pub struct WaveParams {
         /// Low and high word of the first sample's index.
         first_sample: [u32; 2],
@@ -90,6 +91,8 @@ super::gpu_structs! {
         first_row: u32,
         /// Number of rows of pixels.
         rows: u32,
+        /// Step of `light_list.comp`.
+        step: u32,
     }
 }
 
@@ -102,6 +105,7 @@ impl WaveParams {
             samples,
             first_row,
             rows,
+            step: 0,
         }
     }
 
@@ -128,6 +132,7 @@ mod tests {
             samples,
             first_row: 3,
             rows: 2,
+            step: 0,
         };
         let found: Vec<WaveParams> = wave([u32::MAX, 6], 5).parts(2).collect();
         assert_eq!(

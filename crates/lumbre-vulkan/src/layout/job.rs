@@ -64,6 +64,14 @@ super::gpu_structs! {
         one_strategy: [u32; 2],
         /// 1 if only that strategy is used, 0 if it is left out.
         keep_strategy: u32,
+        /// Number of light subpaths of an iteration; 0 if samples share none.
+        light_path_count: u32,
+        /// Number of connections of a camera vertex with drawn light vertices.
+        connections: u32,
+        /// Number of vertices that are drawn for each connection.
+        candidates: u32,
+        /// Low and high word of 2^64 divided by that number, rounded down; 0 if it is 1.
+        candidate_step: [u32; 2],
         /// Low and high word of the seed.
         seed: [u32; 2],
         /// Number of triangles: primitive indices from here on are spheres.

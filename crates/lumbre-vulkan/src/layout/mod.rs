@@ -8,6 +8,7 @@
 
 mod film;
 mod job;
+mod light_paths;
 mod scene;
 mod specialization;
 
@@ -15,6 +16,7 @@ use lumbre_render::path_trace::MAX_PATH_EVENTS;
 
 pub use film::{Counters, Invalid, PathStep, SampleSums, SampleValue, SlotSums, WaveParams};
 pub use job::{EnvironmentRow, JobParams, LightChoice};
+pub use light_paths::{LightLength, LightListHead, LightPath, LightVertex};
 pub use scene::{
     DelayProfile, DirectionalLight, Emitter, InstanceTransform, Knot, Material, MaterialPart,
     Placement, PointLight, Sphere, Tangents, Texture, Triangle, TriangleAttributes,
@@ -99,9 +101,14 @@ use gpu_structs;
 
 /// Returns all shared structs, in the order of `shaders/gen/layout.glsl`.
 pub fn structs() -> impl Iterator<Item = &'static StructLayout> {
-    [scene::STRUCTS, job::STRUCTS, film::STRUCTS]
-        .into_iter()
-        .flatten()
+    [
+        scene::STRUCTS,
+        job::STRUCTS,
+        film::STRUCTS,
+        light_paths::STRUCTS,
+    ]
+    .into_iter()
+    .flatten()
 }
 
 /// Custom index of the instance of the triangles outside instanced meshes.
@@ -116,6 +123,23 @@ pub const INSTANCE_MESHES: u32 = 2;
 /// Size of the traversal stack of `shaders/trace/bvh.glsl`: one entry for each level of the scene's
 /// tree and, with instances, one for each level of a mesh's tree and two between them.
 pub const BVH_STACK: u32 = 32;
+
+/// Number of light subpaths in a row of invocations.
+pub const LIGHT_PATHS_ROW: u32 = 1024;
+
+/// Number of light subpaths whose vertices a workgroup lists.
+pub const LIST_BLOCK: u32 = 256;
+
+/// Steps of `shaders/entry/light_list.comp`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ListStep {
+    /// Sums of the numbers of vertices within blocks of subpaths.
+    Paths,
+    /// Sums of those of the blocks.
+    Blocks,
+    /// The list itself.
+    Vertices,
+}
 
 /// Constants that both sides refer to by name.
 pub const CONSTANTS: &[(&str, u32)] = &[
@@ -163,6 +187,12 @@ pub const CONSTANTS: &[(&str, u32)] = &[
     ("INSTANCE_SPHERES", INSTANCE_SPHERES),
     ("INSTANCE_MESHES", INSTANCE_MESHES),
     ("BVH_STACK", BVH_STACK),
+    ("NOT_CONNECTIBLE", 1 << 31),
+    ("LIGHT_PATHS_ROW", LIGHT_PATHS_ROW),
+    ("LIST_BLOCK", LIST_BLOCK),
+    ("LIST_STEP_PATHS", ListStep::Paths as u32),
+    ("LIST_STEP_BLOCKS", ListStep::Blocks as u32),
+    ("LIST_STEP_VERTICES", ListStep::Vertices as u32),
 ];
 
 /// Returns the text of `shaders/gen/layout.glsl`.

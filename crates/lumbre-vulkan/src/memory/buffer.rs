@@ -41,6 +41,21 @@ impl Buffer {
     ) -> Result<Buffer, VulkanError> {
         let remedy = "each array of a scene must fit into one storage buffer; use smaller meshes \
                       or textures";
+        Buffer::bound(device, name, size, usage, remedy)
+    }
+
+    /// Creates a buffer like [`Buffer::new`], whose error advises `remedy` if a storage buffer cannot be
+    /// that large.
+    ///
+    /// # Errors
+    /// Returns an error in the cases of [`Buffer::new`].
+    pub fn bound(
+        device: &Arc<Device>,
+        name: &str,
+        size: u64,
+        usage: vk::BufferUsageFlags,
+        remedy: &'static str,
+    ) -> Result<Buffer, VulkanError> {
         check_size(device, name, size, device.info.limits.storage_range, remedy)?;
         Buffer::by_address(device, name, size, usage)
     }

@@ -1,6 +1,7 @@
 //! Parameters of a job: everything that is constant over its samples.
 
 use super::delay_tables::double_words;
+use super::light_paths;
 use super::upload::layout_textures;
 use crate::layout;
 use lumbre_light::film::layer::{Layer, LayerLayout};
@@ -60,6 +61,13 @@ fn camera_params(scene: &CompiledScene, job: &lumbre_render::Job) -> layout::Job
         },
         one_strategy: settings.one.unwrap_or([NONE; 2]),
         keep_strategy: settings.keep.into(),
+        light_path_count: light_paths::count(job).unwrap_or(0),
+        connections: settings.connections,
+        candidates: settings.candidates,
+        candidate_step: {
+            let step = (1u128 << 64) / u128::from(settings.candidates.max(1));
+            [step as u32, (step >> 32) as u32]
+        },
         seed: [job.seed as u32, (job.seed >> 32) as u32],
         ..bytemuck::Zeroable::zeroed()
     }

@@ -1,6 +1,6 @@
 //! Pipelines: [`modules`] lists the shader modules, [`sources`] provides their SPIR-V, [`compute`]
 //! and `ray_tracing` create pipelines, [`program`] combines entry, traversal and integrator for a
-//! run, `cache` stores the driver's pipeline cache, [`statistics`] what drivers report of compiled
+//! run, [`light_paths`] traces the subpaths that its samples share, `cache` stores the driver's pipeline cache, [`statistics`] what drivers report of compiled
 //! pipelines, `once_per_key` creates every pipeline once, and [`test_kernel`] runs single GLSL functions
 //! in tests. With the feature `shader-dev`, `glsl` compiles modules, which `shrink` makes smaller.
 
@@ -9,6 +9,7 @@ mod committed;
 pub mod compute;
 #[cfg(feature = "shader-dev")]
 pub mod glsl;
+pub mod light_paths;
 pub mod modules;
 mod once_per_key;
 pub mod program;

@@ -86,13 +86,21 @@ impl HitStage {
     }
 }
 
-/// Returns the recipe of the module that runs an integrator.
-pub fn integrator(mode: TracingMode, name: &str, variant: Variant) -> Recipe {
-    let (stem, extension) = match mode {
+/// Returns the path of a mode's entry below `entry`, and the extension of its modules.
+fn entry(mode: TracingMode) -> (&'static str, &'static str) {
+    match mode {
         TracingMode::Compute => ("compute.comp", "comp"),
         TracingMode::Query => ("query.comp", "query.comp"),
         TracingMode::Pipeline => ("generation.rgen", "rgen"),
-    };
+    }
+}
+
+/// Path of the text that an integrator brings to an entry.
+const GENERATED: &str = "generated/integrator.glsl";
+
+/// Returns the recipe of the module that runs an integrator.
+pub fn integrator(mode: TracingMode, name: &str, variant: Variant) -> Recipe {
+    let (stem, extension) = entry(mode);
     let (splats, mut suffix) = match variant.splats {
         SplatMode::None => ("SPLAT_NONE", String::new()),
         SplatMode::Float => ("SPLAT_FLOAT", ".floats".to_owned()),
@@ -111,15 +119,44 @@ pub fn integrator(mode: TracingMode, name: &str, variant: Variant) -> Recipe {
         entry: format!("entry/{stem}"),
         text: None,
         defines,
-        generated: vec![("generated/integrator.glsl".to_owned(), text)],
+        generated: vec![(GENERATED.to_owned(), text)],
+    }
+}
+
+/// Returns the recipe of the module that traces the light subpaths which the samples of an integrator
+/// share.
+pub fn light_paths(mode: TracingMode, name: &str, extended: bool) -> Recipe {
+    let (stem, extension) = entry(mode);
+    let (mut defines, mut suffix) = (vec!["SPLAT_NONE", "LIGHT_PATHS"], "");
+    if extended {
+        defines.push("EXTENDED");
+        suffix = ".extended";
+    }
+    let text = format!("#include \"transport/integrator/{name}/cache.glsl\"\n");
+    Recipe {
+        file: format!("{name}_light_paths{suffix}.{extension}.spv"),
+        entry: format!("entry/{stem}"),
+        text: None,
+        defines,
+        generated: vec![(GENERATED.to_owned(), text)],
     }
 }
 
 /// Returns the recipe of the module that adds samples that were rendered in parallel.
 pub fn sum() -> Recipe {
+    without_variants("sum")
+}
+
+/// Returns the recipe of the module that lists the vertices of light subpaths.
+pub fn light_list() -> Recipe {
+    without_variants("light_list")
+}
+
+/// Returns the recipe of a compute shader of which there is one module.
+fn without_variants(stem: &str) -> Recipe {
     Recipe {
-        file: "sum.comp.spv".to_owned(),
-        entry: "entry/sum.comp".to_owned(),
+        file: format!("{stem}.comp.spv"),
+        entry: format!("entry/{stem}.comp"),
         text: None,
         defines: Vec::new(),
         generated: Vec::new(),
@@ -149,12 +186,16 @@ pub fn recipes() -> Vec<Recipe> {
                     integrator(mode, row.name, Variant { extended, splats })
                 }));
             }
+            if row.sharing.is_some() {
+                let extended = [false, true];
+                recipes.extend(extended.map(|extended| light_paths(mode, row.name, extended)));
+            }
         }
     }
     for stage in HitStage::ALL {
         recipes.extend([false, true].map(|extended| stage.recipe(extended)));
     }
-    recipes.push(sum());
+    recipes.extend([sum(), light_list()]);
     recipes.sort_by(|a, b| a.file.cmp(&b.file));
     recipes.dedup();
     recipes
@@ -211,7 +252,7 @@ mod tests {
         let recipes = recipes();
         let files: BTreeSet<&str> = recipes.iter().map(|recipe| recipe.file.as_str()).collect();
         assert_eq!(files.len(), recipes.len());
-        assert!(files.len() < 40, "{} modules", files.len());
+        assert!(files.len() < 60, "{} modules", files.len());
     }
 
     #[test]

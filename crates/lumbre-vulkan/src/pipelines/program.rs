@@ -5,7 +5,8 @@ use std::sync::Arc;
 use ash::vk;
 
 use super::compute::{Bindings, BoundResource, ComputePipeline};
-use super::modules::{self, HitStage, Variant};
+use super::light_paths::LightPathPipelines;
+use super::modules::{self, HitStage, Recipe, Variant};
 use super::ray_tracing;
 use super::ray_tracing::{RayTracingPipeline, Shaders};
 use super::sources::Sources;
@@ -17,6 +18,7 @@ use crate::error::VulkanError;
 use crate::films::device_film::SplatMode;
 use crate::layout::{Specialization, WaveParams};
 use crate::memory::upload::SceneBuffers;
+use crate::schedule::dispatch_size::MAX_SAMPLES;
 use crate::schedule::pixel_samples::PixelSamples;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::NONE;
@@ -156,12 +158,14 @@ impl Traversal {
 /// Pipelines that add waves to films.
 pub struct Program {
     render: RenderPipeline,
+    /// Pipelines of the light subpaths that the samples of an iteration share, if they share any.
+    light: Option<LightPathPipelines>,
     /// Pipeline that adds samples which were rendered at once, and how many of a pixel are.
     sum: Option<(ComputePipeline, u32)>,
 }
 
-/// Pipeline that renders samples.
-enum RenderPipeline {
+/// Pipeline that traces paths.
+pub(super) enum RenderPipeline {
     /// Pipeline of a compute shader.
     Compute(ComputePipeline),
     /// Pipeline of ray-tracing shaders.
@@ -192,40 +196,47 @@ impl Program {
         }
         let extended =
             constants.times != 0 || constants.instances != 0 || constants.texel_shift != NONE;
+        let stages = Stages {
+            kind,
+            sources,
+            extended,
+        };
         let recipe = modules::integrator(kind, name, Variant { extended, splats });
-        let integrator = sources.module(&recipe)?;
         let title = format!("{name} by {}", kind.backend());
-        let compute = |title: &str, module: &[u32], constants: &Specialization| {
-            ComputePipeline::new(title, module, constants, bindings, PUSH)
-        };
-        let render = match kind {
-            TracingMode::Compute | TracingMode::Query => {
-                RenderPipeline::Compute(compute(&title, &integrator, constants)?)
-            }
-            TracingMode::Pipeline => {
-                let module = |stage: HitStage| sources.module(&stage.recipe(extended));
-                let shaders = Shaders {
-                    generation: integrator,
-                    miss: module(HitStage::Miss)?,
-                    triangle: module(HitStage::Triangle)?,
-                    sphere: module(HitStage::Sphere)?,
-                    any: module(HitStage::Mask)?,
-                    intersection: module(HitStage::Intersection)?,
-                };
-                RenderPipeline::RayTracing(Box::new(RayTracingPipeline::new(
-                    &title, &shaders, constants, bindings, PUSH,
-                )?))
-            }
-        };
+        let render = stages.pipeline(&title, &recipe, constants, bindings)?;
+        let light = LightPathPipelines::new(&stages, job, constants, bindings)?;
         let sum = match samples.at_once() {
             Some(at_once) => {
-                let module = sources.module(&modules::sum())?;
-                let pipeline = compute("sum of samples", &module, &Specialization::default())?;
+                let (module, all) = (sources.module(&modules::sum())?, Specialization::default());
+                let pipeline =
+                    ComputePipeline::new("sum of samples", &module, &all, bindings, PUSH)?;
                 Some((pipeline, at_once))
             }
             None => None,
         };
-        Ok(Program { render, sum })
+        Ok(Program { render, light, sum })
+    }
+
+    /// Returns the pipelines of the light subpaths that the samples of an iteration share, if they
+    /// share any.
+    pub fn light(&self) -> Option<&LightPathPipelines> {
+        self.light.as_ref()
+    }
+
+    /// Returns the greatest number of samples of a pixel in one dispatch.
+    pub fn max_samples(&self) -> u64 {
+        match self.light {
+            // Each sample has subpaths of its own.
+            Some(_) => 1,
+            None => MAX_SAMPLES,
+        }
+    }
+
+    /// Records what the samples with this index share, after all earlier work.
+    pub fn begin(&self, commands: vk::CommandBuffer, bindings: &Bindings, sample: u64) {
+        if let Some(light) = &self.light {
+            light.begin(commands, bindings, sample);
+        }
     }
 
     /// Records a dispatch of some rows.
@@ -274,9 +285,47 @@ impl Program {
     }
 }
 
+/// The parts that pipelines of a run are made of.
+pub(super) struct Stages<'a> {
+    /// Method by which rays are traced.
+    pub kind: TracingMode,
+    /// Source of modules.
+    pub sources: &'a Sources,
+    /// Whether modules are extended.
+    pub extended: bool,
+}
+
+impl Stages<'_> {
+    /// Creates a pipeline that traces paths, with the module of `recipe`.
+    pub fn pipeline(
+        &self,
+        title: &str,
+        recipe: &Recipe,
+        constants: &Specialization,
+        bindings: &Bindings,
+    ) -> Result<RenderPipeline, VulkanError> {
+        let entry = self.sources.module(recipe)?;
+        if self.kind != TracingMode::Pipeline {
+            let made = ComputePipeline::new(title, &entry, constants, bindings, PUSH)?;
+            return Ok(RenderPipeline::Compute(made));
+        }
+        let module = |stage: HitStage| self.sources.module(&stage.recipe(self.extended));
+        let shaders = Shaders {
+            generation: entry,
+            miss: module(HitStage::Miss)?,
+            triangle: module(HitStage::Triangle)?,
+            sphere: module(HitStage::Sphere)?,
+            any: module(HitStage::Mask)?,
+            intersection: module(HitStage::Intersection)?,
+        };
+        let made = RayTracingPipeline::new(title, &shaders, constants, bindings, PUSH)?;
+        Ok(RenderPipeline::RayTracing(Box::new(made)))
+    }
+}
+
 impl RenderPipeline {
     /// Records a dispatch of some rows of `width` pixels, each with `depth` invocations.
-    fn dispatch(
+    pub(super) fn dispatch(
         &self,
         commands: vk::CommandBuffer,
         bindings: &Bindings,
@@ -295,7 +344,7 @@ impl RenderPipeline {
 }
 
 /// Bytes of push constants.
-const PUSH: u32 = size_of::<WaveParams>() as u32;
+pub(super) const PUSH: u32 = size_of::<WaveParams>() as u32;
 
 /// Returns the numbers of workgroups of 8x8 pixels.
 fn groups(width: u32, wave: &WaveParams, depth: u32) -> [u32; 3] {

@@ -13,7 +13,7 @@ const GROWTH: f64 = 8.0;
 
 /// Maximum number of samples per pixel in one dispatch, since a pixel's rays and the film's invalid
 /// samples are counted in 32 bits.
-const MAX_SAMPLES: u64 = 1 << 16;
+pub const MAX_SAMPLES: u64 = 1 << 16;
 
 /// Number of dispatches of one submission.
 pub const DISPATCHES_PER_SUBMISSION: usize = 4;
@@ -53,6 +53,8 @@ impl DispatchRange {
 pub struct WaveSplitter {
     size: [u32; 2],
     samples: u64,
+    /// Greatest number of samples in one dispatch.
+    at_once: u64,
     /// Start of the next dispatch; has no samples before the first row of new ones.
     next: DispatchRange,
 }
@@ -63,6 +65,7 @@ impl WaveSplitter {
         WaveSplitter {
             size,
             samples,
+            at_once: MAX_SAMPLES,
             next: DispatchRange {
                 done: 0,
                 samples: 0,
@@ -70,6 +73,11 @@ impl WaveSplitter {
                 rows: 0,
             },
         }
+    }
+
+    /// Limits the samples of a pixel in one dispatch.
+    pub fn at_once(self, at_once: u64) -> WaveSplitter {
+        WaveSplitter { at_once, ..self }
     }
 
     /// Returns the next dispatch.
@@ -82,7 +90,8 @@ impl WaveSplitter {
             return None;
         }
         if self.next.row == 0 {
-            self.next.samples = pacer.samples(self.size, self.samples - self.next.done);
+            let left = (self.samples - self.next.done).min(self.at_once);
+            self.next.samples = pacer.samples(self.size, left);
         }
         let range = DispatchRange {
             rows: pacer.rows(width, self.next.samples, height - self.next.row),

@@ -46,10 +46,12 @@ impl PixelSamples {
     }
 
     /// Returns the largest number of samples of a pixel that a job can render at once, or `None` if
-    /// its film has layers or a time axis, whose values of a sample are many, or too many pixels.
+    /// its film has layers or a time axis, whose values of a sample are many, or too many pixels, or if
+    /// each sample shares data of its own between pixels.
     pub fn parallel(job: &Job) -> Option<PixelSamples> {
         let at_once = (MAX_VALUES / pixels(job).max(1)).min(MAX_AT_ONCE);
-        let is_plain = job.layers.is_empty() && job.timing.is_none();
+        let is_plain =
+            job.layers.is_empty() && job.timing.is_none() && job.integrator.sharing.is_none();
         (is_plain && at_once > 1).then_some(PixelSamples::Parallel(at_once as u32))
     }
 

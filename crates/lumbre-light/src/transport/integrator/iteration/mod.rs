@@ -108,13 +108,13 @@ impl Sharing {
 
 /// Column and row that key the random numbers of paths that belong to no pixel. No picture is that
 /// large.
-const NO_PIXEL: [u32; 2] = [u32::MAX; 2];
+pub const NO_PIXEL: [u32; 2] = [u32::MAX; 2];
 
 /// Word that keys the seeds of training paths.
 const TRAINING: u32 = 0x7472_6169;
 
 /// Column and row that key the random numbers of paths from which a job is prepared.
-const PREPARED: [u32; 2] = [u32::MAX - 1; 2];
+pub const PREPARED: [u32; 2] = [u32::MAX - 1; 2];
 
 /// The threads that a renderer lends to [`BeginFn`].
 pub trait Workers: Sync {

@@ -4,9 +4,10 @@ use crate::transport::integrator::bdpt::draw::{CachedVertex, LightVertexCache};
 use crate::transport::integrator::bdpt::weights::StrategyCounts;
 use crate::transport::integrator::iteration::light_paths::{self, LightPaths};
 use crate::transport::integrator::iteration::{Iteration, Resources, Shared};
+use crate::transport::integrator::settings::Settings;
 
 /// Number of light subpaths from which the mean number of vertices is estimated.
-const PREPARED_PATHS: u64 = 1024;
+pub const PREPARED_PATHS: u64 = 1024;
 
 /// Number of those that a thread traces at a time.
 const PREPARED_UNIT: u64 = 64;
@@ -26,6 +27,14 @@ struct Setup {
     counts: StrategyCounts,
 }
 
+/// Returns the expected number of connections of a camera vertex with each vertex of a light subpath,
+/// if [`PREPARED_PATHS`] subpaths have this number of vertices that can be connected.
+pub fn connecting(settings: &Settings, vertices: u64) -> f64 {
+    let drawn = f64::from(settings.connections) * f64::from(settings.candidates);
+    // Where no vertex was found there may be some.
+    drawn * PREPARED_PATHS as f64 / vertices.max(1) as f64
+}
+
 /// Estimates the mean number of vertices of a light subpath.
 pub fn prepare(resources: &Resources) -> Box<Shared> {
     let units = PREPARED_PATHS / PREPARED_UNIT;
@@ -35,8 +44,7 @@ pub fn prepare(resources: &Resources) -> Box<Shared> {
         let events = paths.store().events().iter();
         events.filter(|event| event.connects).count()
     });
-    // Where no vertex was found there may be some.
-    let vertices = vertices.iter().sum::<usize>().max(1) as f64;
+    let vertices = vertices.iter().sum::<usize>() as u64;
     let setup = resources.map(1, |context, _| {
         let [width, height] = context.camera.resolution().map(u64::from);
         let (pixels, settings) = (width * height, context.settings);
@@ -44,12 +52,11 @@ pub fn prepare(resources: &Resources) -> Box<Shared> {
             settings.connections,
             settings.photons.map_or(pixels, u64::from),
         );
-        let drawn = f64::from(connections) * f64::from(settings.candidates);
         Setup {
             count,
             connections,
             counts: StrategyCounts {
-                connecting: drawn * PREPARED_PATHS as f64 / vertices,
+                connecting: connecting(settings, vertices),
                 direct: 1.0,
                 lens: count as f64 / pixels as f64,
                 merging: 0.0,

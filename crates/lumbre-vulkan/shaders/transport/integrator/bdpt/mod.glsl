@@ -6,11 +6,26 @@
 #include "transport/integrator/bdpt/connect.glsl"
 #include "transport/integrator/settings.glsl"
 
+// The vertices of both subpaths: camera vertices first, then light vertices.
+StoredVertex vertices[2u * MAX_DEPTH];
+
+void stored_vertex_put(uint index, StoredVertex stored) {
+    vertices[index] = stored;
+}
+
+float counts_connecting() {
+    return 1.0;
+}
+
+float counts_lens() {
+    return 1.0;
+}
+
 // Computes one sample of one pixel: traces both subpaths and connects them in every way.
 void bdpt_sample(uvec2 pixel, inout Sampler numbers) {
     uint h = settings_heuristic();
     bool raw = settings_unweighted();
-    Subpaths paths = trace_subpaths(h, pixel, job.max_depth, numbers);
+    Subpaths paths = trace_subpaths(h, pixel, job.max_depth, MAX_DEPTH, numbers);
     // Light outside the scene first, then every camera vertex, then the lens alone.
     for (uint row = 0u; row <= paths.camera + 1u; ++row) {
         bool escaped = row == 0u;
@@ -38,11 +53,11 @@ void bdpt_sample(uvec2 pixel, inout Sampler numbers) {
             bool loads_z = slot == 0u && !escaped && t >= 2u;
             Vertex y;
             if (loads_z || (used && s >= 2u)) {
-                uint index = loads_z ? t - 2u : MAX_DEPTH + s - 2u;
-                if (!loads_z && !vertex_is_connectible(index)) {
+                StoredVertex stored = vertices[loads_z ? t - 2u : MAX_DEPTH + s - 2u];
+                if (!loads_z && !stored_vertex_is_connectible(stored)) {
                     continue;
                 }
-                y = vertex_load(index, loads_z ? RADIANCE : IMPORTANCE);
+                y = vertex_of(stored, loads_z ? RADIANCE : IMPORTANCE);
                 if (loads_z) {
                     end_z = y;
                 }
@@ -63,7 +78,7 @@ void bdpt_sample(uvec2 pixel, inout Sampler numbers) {
             if (c.shadowed && trace_occluded(c.ray, c.distance)) {
                 continue;
             }
-            float weight = raw ? 1.0 : heuristic_weight_of_root(h, c.others);
+            float weight = raw ? 1.0 : heuristic_weight_of_root(h, c.others, 1.0);
             sink(
                 Contribution(c.pixel, c.unweighted * weight, c.unweighted, s, t, c.optical_length)
             );

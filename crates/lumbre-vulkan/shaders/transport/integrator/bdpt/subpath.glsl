@@ -47,9 +47,6 @@ struct StoredVertex {
     OpticalLength optical;
 };
 
-// Bit of `StoredVertex.material` of a vertex that cannot be connected.
-const uint NOT_CONNECTIBLE = 0x80000000u;
-
 // The vertex that an edge of a subpath leaves.
 const uint ORIGIN_LENS = 0u;
 const uint ORIGIN_LIGHT = 1u;
@@ -89,16 +86,18 @@ struct Subpaths {
     float emitted;
 };
 
-// The vertices of both subpaths: camera vertices first, then light vertices.
-StoredVertex vertices[2u * MAX_DEPTH];
+// Stores the vertex with this index: the integrator must define where.
+void stored_vertex_put(uint index, StoredVertex stored);
 
 const LightPoint NO_POINT = LightPoint(NONE, vec3(0.0), vec3(0.0), 0.0, Uv(0.0));
 
 // Returns an edge that leaves a point of the lens.
-Edge edge_from_lens(vec3 from, vec3 dir) {
+Edge edge_from_lens(uint h, vec3 from, vec3 dir) {
     float pdf_w = camera_pdf_w(dir);
     bool found = pdf_w > 0.0;
-    MisPartials edge_partials = MisPartials(found ? 1.0 : 0.0, 0.0);
+    MisPartials edge_partials = MisPartials(
+        found ? heuristic_root(h, counts_lens()) : 0.0, 0.0
+    );
     return Edge(
         ORIGIN_LENS, NO_POINT, vec3(0.0), from, dir, found ? pdf_w : 1.0, edge_partials
     );
@@ -173,20 +172,19 @@ bool edge_vertex_at(Edge e, uint h, Surface surface, uint mode, vec3 throughput,
 
 // Stores a vertex at a hit of `ray` on a surface of the given material.
 void vertex_store(uint index, Vertex v, Ray ray, Hit hit, uint material) {
-    vertices[index] = StoredVertex(
+    stored_vertex_put(index, StoredVertex(
         ray, hit, v.connectible ? material : material | NOT_CONNECTIBLE, v.back, v.hit_others,
         v.throughput, v.partials, v.optical
-    );
+    ));
 }
 
 // Returns whether a stored vertex can be connected.
-bool vertex_is_connectible(uint index) {
-    return (vertices[index].material & NOT_CONNECTIBLE) == 0u;
+bool stored_vertex_is_connectible(StoredVertex stored) {
+    return (stored.material & NOT_CONNECTIBLE) == 0u;
 }
 
-// Returns a stored vertex, deriving its surface and BSDF again.
-Vertex vertex_load(uint index, uint mode) {
-    StoredVertex stored = vertices[index];
+// Returns a vertex as it was before it was stored: its surface and BSDF are derived again.
+Vertex vertex_of(StoredVertex stored, uint mode) {
     Surface surface = surface_with_material(
         stored.ray, stored.hit, stored.material & ~NOT_CONNECTIBLE
     );
@@ -197,7 +195,7 @@ Vertex vertex_load(uint index, uint mode) {
     v.wo = -stored.ray.dir;
     v.back = stored.back;
     v.bsdf = bsdf_new(surface);
-    v.connectible = (stored.material & NOT_CONNECTIBLE) == 0u;
+    v.connectible = stored_vertex_is_connectible(stored);
     v.terminator = surface.terminator;
     v.emitted = mode == RADIANCE ? surface_emitted(surface, v.wo) : vec3(0.0);
     v.hit_others = stored.hit_others;
@@ -268,10 +266,10 @@ Edge vertex_next_edge(Vertex v, uint h, uint mode, BsdfSample s) {
 }
 
 // Starts the camera subpath.
-Departure depart_from_camera(uvec2 pixel, inout Subpaths paths, inout Sampler numbers) {
+Departure depart_from_camera(uint h, uvec2 pixel, inout Subpaths paths, inout Sampler numbers) {
     Ray ray = camera_sample_ray(pixel, numbers);
     paths.lens = ray.origin;
-    return Departure(ray, edge_from_lens(ray.origin, ray.dir), vec3(1.0));
+    return Departure(ray, edge_from_lens(h, ray.origin, ray.dir), vec3(1.0));
 }
 
 // Starts the light subpath; returns whether it is traced.
@@ -292,85 +290,115 @@ bool depart_from_light(
     return paths.started && throughput != vec3(0.0) && max_edges > 1u;
 }
 
-// Traces both subpaths of a sample, with up to `max_edges` edges: `trace_camera`, `trace_light` and
-// `walk`.
-Subpaths trace_subpaths(uint h, uvec2 pixel, uint max_edges, inout Sampler numbers) {
+// Returns the subpaths of a sample before they are traced; its light is emitted at `emitted`.
+Subpaths subpaths_new(float emitted) {
     Subpaths paths;
     paths.camera = 0u;
     paths.light = 0u;
     paths.started = false;
     paths.escaped = false;
+    paths.emitted = emitted;
+    return paths;
+}
+
+// Follows a subpath from `d` on, with up to `edges` edges, and stores its vertices from the index
+// `first` on; returns their number. A camera subpath that leaves the scene ends in `paths`.
+uint walk(
+    uint h, uint mode, uint first, uint edges, Departure d, PathTime path_time,
+    inout Subpaths paths, inout AuxRng aux_rng, inout Sampler numbers
+) {
+    bool camera = mode == RADIANCE;
+    // Product of the BSDF weights, by which roulette chooses the survival probability. Weights do
+    // not involve roulette.
+    vec3 rr_throughput = vec3(1.0);
+    TerminatorOffset terminator = NO_TERMINATOR_OFFSET;
+    uint count = 0u;
+    while (count < edges) {
+        Hit hit;
+        if (!trace_closest(d.ray, INFINITY, hit)) {
+            if (camera) {
+                paths.escaped = true;
+                paths.escape = d;
+                paths.escape_length = path_time_escape_length(path_time, d.edge.dir);
+            }
+            break;
+        }
+        // The last edge of a camera subpath can only find light.
+        if (camera && count + 1u == edges && emitter_of(hit.primitive, hit.instance) == NONE) {
+            break;
+        }
+        Surface surface = path_time_arrive(path_time, d.ray, hit, aux_rng);
+        Vertex v;
+        if ((terminator.present && !terminator_offset_has_below(terminator, surface.position))
+            || !edge_vertex_at(d.edge, h, surface, mode, d.throughput, v)) {
+            break;
+        }
+        v.optical = path_time.optical;
+        v.hit_others = hit_others_of(d.edge, h, surface, v, count + 2u);
+        vertex_store(first + count, v, d.ray, hit, surface.material);
+        count += 1u;
+        if (surface_ends_paths(surface) || count == edges) {
+            break;
+        }
+        float choice = next_1d(numbers);
+        BsdfSample s;
+        if (!bsdf_sample(v.bsdf, v.wo, choice, next_2d(numbers), mode, s)) {
+            break;
+        }
+        // Undo the scaling of radiance by refraction.
+        rr_throughput *= s.weight * (camera ? s.eta * s.eta : 1.0);
+        float survival = 1.0;
+        if (count >= job.rr_start) {
+            survival = min(max_element(rr_throughput), MAX_SURVIVAL);
+            if (next_1d(numbers) >= survival) {
+                break;
+            }
+            rr_throughput /= survival;
+        }
+        d.throughput = v.throughput * s.weight / survival;
+        if (d.throughput == vec3(0.0)) {
+            break;
+        }
+        path_time_scatter(path_time, v.position, s.eta);
+        d.ray = surface_spawn(surface, s.wi);
+        d.edge = vertex_next_edge(v, h, mode, s);
+        terminator = terminator_into(surface, s.wi);
+    }
+    return count;
+}
+
+// Traces the camera subpath of a sample, with up to `max_edges` edges.
+Subpaths trace_camera(uint h, uvec2 pixel, uint max_edges, inout Sampler numbers) {
     AuxRng aux_rng = aux_rng_new(numbers);
-    paths.emitted = aux_rng_emission(aux_rng);
+    Subpaths paths = subpaths_new(aux_rng_emission(aux_rng));
+    Departure d = depart_from_camera(h, pixel, paths, numbers);
+    PathTime path_time = path_time_from_camera(d.ray, paths.emitted);
+    paths.camera = walk(h, RADIANCE, 0u, max_edges, d, path_time, paths, aux_rng, numbers);
+    return paths;
+}
+
+// Traces both subpaths of a sample, with up to `max_edges` edges; the vertices of the light subpath
+// are stored from the index `first_light` on.
+Subpaths trace_subpaths(
+    uint h, uvec2 pixel, uint max_edges, uint first_light, inout Sampler numbers
+) {
+    AuxRng aux_rng = aux_rng_new(numbers);
+    Subpaths paths = subpaths_new(aux_rng_emission(aux_rng));
     [[dont_unroll]] for (uint mode = RADIANCE; mode <= IMPORTANCE; ++mode) {
         Departure d;
         bool camera = mode == RADIANCE;
         if (camera) {
-            d = depart_from_camera(pixel, paths, numbers);
+            d = depart_from_camera(h, pixel, paths, numbers);
         } else if (max_edges == 0u || !depart_from_light(max_edges, paths, numbers, d)) {
             break;
         }
-        uint edges = camera ? max_edges : max_edges - 1u;
         PathTime path_time = path_time_from_light(d.edge.from);
         if (camera) {
             path_time = path_time_from_camera(d.ray, paths.emitted);
         }
-        // Product of the BSDF weights, by which roulette chooses the survival probability. Weights
-        // do not involve roulette.
-        vec3 rr_throughput = vec3(1.0);
-        TerminatorOffset terminator = NO_TERMINATOR_OFFSET;
-        uint count = 0u;
-        while (count < edges) {
-            Hit hit;
-            if (!trace_closest(d.ray, INFINITY, hit)) {
-                if (camera) {
-                    paths.escaped = true;
-                    paths.escape = d;
-                    paths.escape_length = path_time_escape_length(path_time, d.edge.dir);
-                }
-                break;
-            }
-            // The last edge of a camera subpath can only find light.
-            if (camera && count + 1u == edges && emitter_of(hit.primitive, hit.instance) == NONE) {
-                break;
-            }
-            Surface surface = path_time_arrive(path_time, d.ray, hit, aux_rng);
-            Vertex v;
-            if ((terminator.present && !terminator_offset_has_below(terminator, surface.position))
-                || !edge_vertex_at(d.edge, h, surface, mode, d.throughput, v)) {
-                break;
-            }
-            v.optical = path_time.optical;
-            v.hit_others = hit_others_of(d.edge, h, surface, v, count + 2u);
-            vertex_store((camera ? 0u : MAX_DEPTH) + count, v, d.ray, hit, surface.material);
-            count += 1u;
-            if (surface_ends_paths(surface) || count == edges) {
-                break;
-            }
-            float choice = next_1d(numbers);
-            BsdfSample s;
-            if (!bsdf_sample(v.bsdf, v.wo, choice, next_2d(numbers), mode, s)) {
-                break;
-            }
-            // Undo the scaling of radiance by refraction.
-            rr_throughput *= s.weight * (camera ? s.eta * s.eta : 1.0);
-            float survival = 1.0;
-            if (count >= job.rr_start) {
-                survival = min(max_element(rr_throughput), MAX_SURVIVAL);
-                if (next_1d(numbers) >= survival) {
-                    break;
-                }
-                rr_throughput /= survival;
-            }
-            d.throughput = v.throughput * s.weight / survival;
-            if (d.throughput == vec3(0.0)) {
-                break;
-            }
-            path_time_scatter(path_time, v.position, s.eta);
-            d.ray = surface_spawn(surface, s.wi);
-            d.edge = vertex_next_edge(v, h, mode, s);
-            terminator = terminator_into(surface, s.wi);
-        }
+        uint first = camera ? 0u : first_light;
+        uint edges = camera ? max_edges : max_edges - 1u;
+        uint count = walk(h, mode, first, edges, d, path_time, paths, aux_rng, numbers);
         if (camera) {
             paths.camera = count;
         } else {

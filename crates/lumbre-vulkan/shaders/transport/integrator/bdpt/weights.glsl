@@ -14,6 +14,17 @@
 #include "transport/mis.glsl"
 #include "transport/vertex.glsl"
 
+// Expected numbers of samples of the strategies that connect two surfaces, and of those that connect
+// light subpaths to the lens: see `StrategyCounts` in Rust. The integrator must define them. Devices
+// sample one light from a camera vertex.
+float counts_connecting();
+float counts_lens();
+
+// Returns the count of the strategy of `s` light vertices and `t` camera vertices that are connected.
+float counts_of(uint s, uint t) {
+    return s == 0u ? 1.0 : (t == 1u ? counts_lens() : (s == 1u ? 1.0 : counts_connecting()));
+}
+
 // Returns the root of the term of a density, or of a ratio of densities: see `Heuristic::term`.
 float heuristic_root(uint h, float p) {
     return h == MIS_UNIFORM ? (p > 0.0 ? 1.0 : 0.0) : p;
@@ -33,10 +44,11 @@ float heuristic_add(uint h, float a, float b) {
     return larger * sqrt(1.0 + ratio * ratio);
 }
 
-// Returns the weight of a strategy if `others` is the root of the sum of the terms of all others
-// over its own.
-float heuristic_weight_of_root(uint h, float others) {
-    return 1.0 / (1.0 + (h == MIS_POWER ? others * others : others));
+// Returns the weight of one of `count` samples of a strategy if `others` is the root of the sum of the
+// terms of all others over its own.
+float heuristic_weight_of_root(uint h, float others, float count) {
+    float root = others / heuristic_root(h, count);
+    return 1.0 / (1.0 + (h == MIS_POWER ? root * root : root));
 }
 
 // Roots of the partial sums of MIS terms for strategies that split the path nearer to this side's
@@ -82,7 +94,7 @@ float mis_partials_others(MisPartials c, uint h, float here, float before) {
 // of the previous vertex.
 MisPartials mis_partials_next_edge(MisPartials c, uint h, bool delta, float before) {
     return MisPartials(
-        delta ? 0.0 : 1.0,
+        delta ? 0.0 : heuristic_root(h, counts_connecting()),
         heuristic_add(h, delta ? 0.0 : c.d_vcm, c.d_vc * heuristic_root(h, before))
     );
 }
@@ -116,8 +128,13 @@ LightEnd light_end_new(LightPoint point, vec3 dir, vec3 next, vec3 n_next) {
 // Returns the root for `s = 0` and a camera path of `t` vertices that hit its light; `partials` are
 // the camera's at the light.
 float others_s0(uint h, MisPartials partials, LightEnd end, uint t) {
-    float last = t == 2u ? end.start : end.direct;
-    return mis_partials_others_at_end(partials, h, last, end.start, end.next);
+    if (t == 2u) {
+        return mis_partials_others_at_end(partials, h, end.start, end.start, end.next);
+    }
+    // The number of sampled lights replaces that of connections.
+    float connecting = counts_connecting();
+    partials.d_vcm *= heuristic_root(h, connecting > 0.0 ? 1.0 / connecting : 0.0);
+    return mis_partials_others_at_end(partials, h, end.direct, end.start, end.next);
 }
 
 // Returns the root for `s = 1`, `t >= 2`: `partials` belong to the end of the camera path, whose

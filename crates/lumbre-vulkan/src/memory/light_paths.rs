@@ -1,0 +1,92 @@
+//! Buffers of the light subpaths that the samples of an iteration share: `shaders/iteration.glsl`.
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use super::buffer::Buffer;
+use crate::context::device::Device;
+use crate::error::VulkanError;
+use crate::layout::{LIST_BLOCK, LightLength, LightListHead, LightPath, LightVertex};
+use crate::pipelines::compute::BoundResource;
+use lumbre_light::transport::integrator::Settings;
+use lumbre_light::transport::integrator::lvc::cache;
+use lumbre_render::Job;
+
+/// Advice to users if the subpaths of an iteration exceed the device.
+const REMEDY: &str = "the light subpaths of a sample must fit into one storage buffer; lower `photons` \
+                      or `max_depth`";
+
+/// Returns the number of light subpaths of an iteration of a job, or `None` if its samples share
+/// none.
+pub fn count(job: &Job) -> Option<u32> {
+    job.integrator.sharing?;
+    let pixels = job.resolution[0].saturating_mul(job.resolution[1]);
+    Some(Settings::new(&job.params).photons.unwrap_or(pixels))
+}
+
+/// Buffers of light subpaths; of a few bytes for jobs whose samples share none.
+pub struct LightPathBuffers {
+    paths: Buffer,
+    vertices: Buffer,
+    lengths: Buffer,
+    list: Buffer,
+}
+
+impl LightPathBuffers {
+    /// Creates the buffers of a job, without subpaths.
+    ///
+    /// # Errors
+    /// Returns an error if the device has no room for them.
+    pub fn new(device: &Arc<Device>, job: &Job) -> Result<LightPathBuffers, VulkanError> {
+        // The subpaths from which the job is prepared need room as well.
+        let paths = count(job).map_or(0, |count| u64::from(count).max(cache::PREPARED_PATHS));
+        let vertices = paths * u64::from(job.max_depth.max(2) - 1);
+        let timed = if job.timing.is_some() { vertices } else { 0 };
+        let blocks = paths.div_ceil(u64::from(LIST_BLOCK));
+        let list = size_of::<LightListHead>() as u64 + 4 * (blocks + vertices);
+        // Vertices are numbered in 32 bits.
+        let numbered = if vertices > u64::from(u32::MAX) {
+            u64::MAX
+        } else {
+            0
+        };
+        let buffer = |name: &str, size: u64| {
+            let size = size.max(16).max(numbered);
+            Buffer::bound(device, name, size, vk::BufferUsageFlags::empty(), REMEDY)
+        };
+        let rows = |rows: u64, size: usize| rows.saturating_mul(size as u64);
+        Ok(LightPathBuffers {
+            paths: buffer("light paths", rows(paths, size_of::<LightPath>()))?,
+            vertices: buffer("light vertices", rows(vertices, size_of::<LightVertex>()))?,
+            lengths: buffer("light lengths", rows(timed, size_of::<LightLength>()))?,
+            list: buffer("light vertex list", list)?,
+        })
+    }
+
+    /// Returns the bindings after those of the films, in the order of `shaders/iteration.glsl`.
+    pub fn bindings(&self) -> [BoundResource<'_>; 4] {
+        [&self.paths, &self.vertices, &self.lengths, &self.list].map(BoundResource::Storage)
+    }
+
+    /// Writes the expected number of connections with each vertex of a light subpath.
+    ///
+    /// # Errors
+    /// Returns an error if the device fails.
+    pub fn set_connecting(&self, connecting: f32) -> Result<(), VulkanError> {
+        let head = LightListHead {
+            count: 0,
+            connecting,
+        };
+        self.list.write(bytemuck::bytes_of(&head))
+    }
+
+    /// Returns the number of listed vertices.
+    ///
+    /// # Errors
+    /// Returns an error if the device fails.
+    pub fn listed(&self) -> Result<u32, VulkanError> {
+        let head: Vec<LightListHead> = self.list.read(1)?;
+        Ok(head.first().map_or(0, |head| head.count))
+    }
+}
