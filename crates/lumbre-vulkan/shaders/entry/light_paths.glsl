@@ -11,7 +11,7 @@
 uint connectible;
 
 void stored_vertex_put(uint index, StoredVertex stored) {
-    connectible += stored_vertex_is_connectible(stored) ? 1u : 0u;
+    connectible += is_connectible(stored.material) ? 1u : 0u;
     light_vertex_put(index, stored);
 }
 

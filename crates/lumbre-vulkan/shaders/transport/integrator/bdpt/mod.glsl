@@ -53,11 +53,11 @@ void bdpt_sample(uvec2 pixel, inout Sampler numbers) {
             bool loads_z = slot == 0u && !escaped && t >= 2u;
             Vertex y;
             if (loads_z || (used && s >= 2u)) {
-                StoredVertex stored = vertices[loads_z ? t - 2u : MAX_DEPTH + s - 2u];
-                if (!loads_z && !stored_vertex_is_connectible(stored)) {
+                uint index = loads_z ? t - 2u : MAX_DEPTH + s - 2u;
+                if (!loads_z && !is_connectible(vertices[index].material)) {
                     continue;
                 }
-                y = vertex_of(stored, loads_z ? RADIANCE : IMPORTANCE);
+                y = vertex_of(vertices[index], loads_z ? RADIANCE : IMPORTANCE);
                 if (loads_z) {
                     end_z = y;
                 }

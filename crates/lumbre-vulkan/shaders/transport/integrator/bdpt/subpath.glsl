@@ -178,9 +178,9 @@ void vertex_store(uint index, Vertex v, Ray ray, Hit hit, uint material) {
     ));
 }
 
-// Returns whether a stored vertex can be connected.
-bool stored_vertex_is_connectible(StoredVertex stored) {
-    return (stored.material & NOT_CONNECTIBLE) == 0u;
+// Returns whether a stored vertex can be connected, from its field `material`.
+bool is_connectible(uint material) {
+    return (material & NOT_CONNECTIBLE) == 0u;
 }
 
 // Returns a vertex as it was before it was stored: its surface and BSDF are derived again.
@@ -195,7 +195,7 @@ Vertex vertex_of(StoredVertex stored, uint mode) {
     v.wo = -stored.ray.dir;
     v.back = stored.back;
     v.bsdf = bsdf_new(surface);
-    v.connectible = stored_vertex_is_connectible(stored);
+    v.connectible = is_connectible(stored.material);
     v.terminator = surface.terminator;
     v.emitted = mode == RADIANCE ? surface_emitted(surface, v.wo) : vec3(0.0);
     v.hit_others = stored.hit_others;
@@ -304,7 +304,7 @@ Subpaths subpaths_new(float emitted) {
 // Follows a subpath from `d` on, with up to `edges` edges, and stores its vertices from the index
 // `first` on; returns their number. A camera subpath that leaves the scene ends in `paths`.
 uint walk(
-    uint h, uint mode, uint first, uint edges, Departure d, PathTime path_time,
+    uint h, uint mode, uint first, uint edges, inout Departure d, inout PathTime path_time,
     inout Subpaths paths, inout AuxRng aux_rng, inout Sampler numbers
 ) {
     bool camera = mode == RADIANCE;

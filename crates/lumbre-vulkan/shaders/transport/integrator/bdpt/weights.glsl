@@ -128,13 +128,12 @@ LightEnd light_end_new(LightPoint point, vec3 dir, vec3 next, vec3 n_next) {
 // Returns the root for `s = 0` and a camera path of `t` vertices that hit its light; `partials` are
 // the camera's at the light.
 float others_s0(uint h, MisPartials partials, LightEnd end, uint t) {
-    if (t == 2u) {
-        return mis_partials_others_at_end(partials, h, end.start, end.start, end.next);
-    }
-    // The number of sampled lights replaces that of connections.
-    float connecting = counts_connecting();
+    float last = t == 2u ? end.start : end.direct;
+    // Unless the camera sees the light directly, the number of sampled lights replaces that of
+    // connections.
+    float connecting = t == 2u ? 1.0 : counts_connecting();
     partials.d_vcm *= heuristic_root(h, connecting > 0.0 ? 1.0 / connecting : 0.0);
-    return mis_partials_others_at_end(partials, h, end.direct, end.start, end.next);
+    return mis_partials_others_at_end(partials, h, last, end.start, end.next);
 }
 
 // Returns the root for `s = 1`, `t >= 2`: `partials` belong to the end of the camera path, whose

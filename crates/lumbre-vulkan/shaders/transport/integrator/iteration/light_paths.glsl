@@ -36,11 +36,6 @@ StoredVertex light_vertex_at(uint index) {
     );
 }
 
-// Returns whether a vertex of a light subpath can be connected.
-bool light_vertex_is_connectible(uint index) {
-    return (light_vertices[index].material & NOT_CONNECTIBLE) == 0u;
-}
-
 // Traces light subpath number `path` and stores it: `follow` in Rust. Returns how many of its
 // vertices were stored; `light_path_end` completes it.
 uint light_path_trace(uint path, inout Subpaths paths, inout Sampler numbers) {
@@ -50,9 +45,10 @@ uint light_path_trace(uint path, inout Subpaths paths, inout Sampler numbers) {
     if (!depart_from_light(job.max_depth, paths, numbers, d)) {
         return 0u;
     }
+    PathTime path_time = path_time_from_light(d.edge.from);
     return walk(
         settings_heuristic(), IMPORTANCE, path * light_path_room(), job.max_depth - 1u, d,
-        path_time_from_light(d.edge.from), paths, aux_rng, numbers
+        path_time, paths, aux_rng, numbers
     );
 }
 

@@ -94,7 +94,7 @@ void lvc_sample(uvec2 pixel, inout Sampler numbers) {
                     stored = vertices[t - 2u];
                 } else {
                     s = vertex % light_path_room() + 2u;
-                    if (!light_vertex_is_connectible(vertex) || s + t - 1u > job.max_depth) {
+                    if (!is_connectible(light_vertices[vertex].material) || s + t - 1u > job.max_depth) {
                         continue;
                     }
                     stored = light_vertex_at(vertex);
