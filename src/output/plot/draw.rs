@@ -25,6 +25,8 @@ const LONGEST_NAME: f64 = 88.0;
 const LABEL_ROOM: f64 = 19.0;
 
 const HEADING: Font = Font::strong(8.5);
+/// Distance between the lines of a heading.
+const HEADING_LINE: f64 = HEADING.size + 2.0;
 const LABEL: Font = Font::new(7.6, INK);
 const TICK: Font = Font::new(7.0, INK);
 const SMALL: Font = Font::new(7.2, FAINT);
@@ -89,15 +91,16 @@ pub fn draw(figure: &Figure) -> String {
         first += HEADING_GAP;
     }
     let has_headings = panels.iter().any(|p| !p.heading.is_empty());
-    let head = if has_headings { HEAD } else { HEAD - 10.0 };
+    let heading = |panel: &Panel| wrap(&panel.heading, HEADING.size, plot + right);
+    let most_lines = panels.iter().map(|p| heading(p).len()).max().unwrap_or(0);
+    let head = match has_headings {
+        true => HEAD + HEADING_LINE * most_lines.saturating_sub(1) as f64,
+        false => HEAD - 10.0,
+    };
     for (i, panel) in panels.iter().enumerate() {
         let left = LEFT + (i % columns) as f64 * (LEFT + plot + right + GAP);
         let top = first + head + (i / columns) as f64 * (head + PLOT_HEIGHT + foot);
-        if has_headings {
-            let line = wrap(&panel.heading, HEADING.size, plot + right).swap_remove(0);
-            drawing.text((left, top - 14.0), HEADING, Anchor::Start, &line);
-        }
-        drawing.text((left, top - 4.5), SMALL, Anchor::Start, &panel.y_label);
+        draw_head(&mut drawing, &heading(panel), &panel.y_label, [left, top]);
         draw_panel(
             &mut drawing,
             figure,
@@ -142,6 +145,15 @@ fn draw_lines(drawing: &mut Drawing, font: Font, text: &str, [top, width]: [f64;
         }
     }
     bottom
+}
+
+/// Draws the lines of a panel's heading and the label of its vertical axis above its left top corner.
+fn draw_head(drawing: &mut Drawing, heading: &[String], y_label: &str, [left, top]: [f64; 2]) {
+    for (i, line) in heading.iter().rev().enumerate() {
+        let bottom = top - 14.0 - HEADING_LINE * i as f64;
+        drawing.text((left, bottom), HEADING, Anchor::Start, line);
+    }
+    drawing.text((left, top - 4.5), SMALL, Anchor::Start, y_label);
 }
 
 /// Draws one panel. `direct` is whether series are labelled at their right ends, `rotated` whether
@@ -421,4 +433,42 @@ fn legend(drawing: &mut Drawing, figure: &Figure, top: f64, width: f64) -> f64 {
         drawing.text((x + 24.0, baseline), LABEL, Anchor::Start, &label(*series));
     }
     top + drawn.len().div_ceil(columns) as f64 * 11.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::plot::axis::Scale;
+
+    #[test]
+    fn headings_wider_than_their_panel_are_drawn_whole() {
+        let axis = || Axis::new(Scale::Linear, [0.0, 1.0]);
+        let panel = |heading: &str| Panel {
+            heading: heading.to_owned(),
+            y_label: "1 - SSIM".to_owned(),
+            axes: axis().zip(axis()),
+            lines: Vec::new(),
+            floor: None,
+        };
+        let figure = |headings: &[&str]| Figure {
+            title: String::new(),
+            heading: String::new(),
+            notes: String::new(),
+            description: String::new(),
+            x_label: "samples".to_owned(),
+            panels: headings.iter().map(|heading| panel(heading)).collect(),
+            series: Vec::new(),
+        };
+        let long =
+            "Structural similarity, range 1, window uniform, on display values in sRGB, exposure 0";
+        let [short, both] = [&["RMSE", "RMSE"], &["RMSE", long]].map(|h| draw(&figure(h)));
+        for word in long.split(' ') {
+            assert!(both.contains(word), "{word} is not drawn");
+        }
+        let height = |svg: &str| -> f64 {
+            let (_, rest) = svg.split_once("height=\"").unwrap();
+            rest.split_once('"').unwrap().0.parse().unwrap()
+        };
+        assert!(height(&both) > height(&short) + HEADING_LINE);
+    }
 }
