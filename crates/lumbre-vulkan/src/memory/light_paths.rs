@@ -45,21 +45,15 @@ impl LightPathBuffers {
         let timed = if job.timing.is_some() { vertices } else { 0 };
         let blocks = paths.div_ceil(u64::from(LIST_BLOCK));
         let list = size_of::<LightListHead>() as u64 + 4 * (blocks + vertices);
-        // Vertices are numbered in 32 bits.
-        let numbered = if vertices > u64::from(u32::MAX) {
-            u64::MAX
-        } else {
-            0
-        };
+        // The 32 bits of a buffer's size hold fewer vertices than the 32 bits of their numbers.
         let buffer = |name: &str, size: u64| {
-            let size = size.max(16).max(numbered);
-            Buffer::bound(device, name, size, vk::BufferUsageFlags::empty(), REMEDY)
+            let usage = vk::BufferUsageFlags::empty();
+            Buffer::bound(device, name, size.max(16), usage, REMEDY)
         };
-        let rows = |rows: u64, size: usize| rows.saturating_mul(size as u64);
         Ok(LightPathBuffers {
-            paths: buffer("light paths", rows(paths, size_of::<LightPath>()))?,
-            vertices: buffer("light vertices", rows(vertices, size_of::<LightVertex>()))?,
-            lengths: buffer("light lengths", rows(timed, size_of::<LightLength>()))?,
+            paths: buffer("light paths", paths * size_of::<LightPath>() as u64)?,
+            vertices: buffer("light vertices", vertices * size_of::<LightVertex>() as u64)?,
+            lengths: buffer("light lengths", timed * size_of::<LightLength>() as u64)?,
             list: buffer("light vertex list", list)?,
         })
     }
