@@ -9,7 +9,7 @@
 //! from what was published, and [`script`] writes the settings as an experiment. [`explorer`]
 //! connects the parts, and [`terminal`] runs them on a terminal.
 //!
-//! Two settings can be rendered in turn ([`comparison`]), and a picture can be kept as [`reference`]
+//! Two settings can be rendered in turn ([`comparison`]), and a picture can be kept as [`mod@reference`]
 //! of the following ones. Another thread ([`measure`]) computes the metrics of both. A pixel can be
 //! inspected ([`inspect`]), with the [`Lobe`](lumbre_render::lobe::Lobe) of its material.
 

@@ -9,7 +9,7 @@
 //! Validation is strict: an unknown key, a wrong type, a value out of range or a missing file is
 //! one [`ScriptError`] with the line, the path to the field and the most similar name. The tables
 //! that validate are also the source of the editor annotations ([`docgen`]) and of the reference
-//! page ([`reference`]).
+//! page ([`mod@reference`]).
 //!
 //! The sandbox has no files, clock, processes or random numbers; `require` reads only below the
 //! script's folder; memory and time are limited ([`Limits`]). Iteration with `pairs` has a fixed

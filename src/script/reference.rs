@@ -1,6 +1,6 @@
 //! Reference page of the Lua interface, generated from the tables that validate scripts.
 //!
-//! [`reference`] returns the generated part of docs/reference/script.md. [`SECTIONS`] groups the
+//! [`reference()`] returns the generated part of docs/reference/script.md. [`SECTIONS`] groups the
 //! functions and option tables; a test checks that no function and no table is missing.
 
 use std::collections::BTreeSet;

@@ -35,7 +35,7 @@ pub fn area() -> io::Result<Rect> {
     ))
 }
 
-/// Opens standard output for drawing on the [area](area).
+/// Opens standard output for drawing on the [`area`].
 ///
 /// # Errors
 /// If the size of the terminal cannot be determined.

@@ -1,7 +1,7 @@
 //! Lobes of BSDFs and profiles of delays, evaluated and sampled: for the inspector of `lumbre
 //! explore`, for `lumbre bsdf`, and for tests.
 //!
-//! [`slice`] has the lobe in a plane, [`cells`] a partition of the sphere that resolves it, and
+//! [`mod@slice`] has the lobe in a plane, [`cells`] a partition of the sphere that resolves it, and
 //! [`fit`] the comparison of samples with the density that a BSDF or a profile states.
 
 pub mod cells;
