@@ -8,7 +8,7 @@ use super::{
 use crate::value::Value;
 use crate::value::schema::{SchemaError, Ty};
 
-/// A row of [`MATERIAL_PARAMS`](super::MATERIAL_PARAMS): one material parameter.
+/// A row of [`MATERIAL_PARAMS`]: one material parameter.
 #[derive(Clone, Copy, Debug)]
 pub struct MaterialParam {
     /// Name in scripts: `set = { ["materials.NAME.<name>"] = .. }`.

@@ -1,4 +1,4 @@
-//! Practical path guiding [Müller et al. 2017]: [`nee`](super::nee) whose paths continue in
+//! Practical path guiding [Müller et al. 2017]: [`nee`] whose paths continue in
 //! directions from which light was found before.
 //!
 //! The first samples fill an [SD-tree](sd_tree): at every point of the scene a density of directions
