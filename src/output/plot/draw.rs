@@ -91,16 +91,18 @@ pub fn draw(figure: &Figure) -> String {
         first += HEADING_GAP;
     }
     let has_headings = panels.iter().any(|p| !p.heading.is_empty());
-    let heading = |panel: &Panel| wrap(&panel.heading, HEADING.size, plot + right);
-    let most_lines = panels.iter().map(|p| heading(p).len()).max().unwrap_or(0);
-    let head = match has_headings {
-        true => HEAD + HEADING_LINE * most_lines.saturating_sub(1) as f64,
-        false => HEAD - 10.0,
+    let lines_of = |panel: &Panel| wrap(&panel.heading, HEADING.size, plot + right);
+    let (head, headings) = if has_headings {
+        let headings: Vec<Vec<String>> = panels.iter().map(lines_of).collect();
+        let most = headings.iter().map(Vec::len).max().unwrap_or(1);
+        (HEAD + HEADING_LINE * (most - 1) as f64, headings)
+    } else {
+        (HEAD - 10.0, vec![Vec::new(); panels.len()])
     };
-    for (i, panel) in panels.iter().enumerate() {
+    for (i, (panel, heading)) in panels.iter().zip(&headings).enumerate() {
         let left = LEFT + (i % columns) as f64 * (LEFT + plot + right + GAP);
         let top = first + head + (i / columns) as f64 * (head + PLOT_HEIGHT + foot);
-        draw_head(&mut drawing, &heading(panel), &panel.y_label, [left, top]);
+        draw_head(&mut drawing, heading, &panel.y_label, [left, top]);
         draw_panel(
             &mut drawing,
             figure,
