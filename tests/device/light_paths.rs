@@ -16,7 +16,7 @@ use lumbre_vulkan::error::VulkanError;
 use lumbre_vulkan::renderer::VulkanRenderer;
 
 use super::harness;
-use super::images::{room, scene_with_all_lights, state, supported_modes, technique_job};
+use super::images::{render, room, scene_with_all_lights, state, supported_modes, technique_job};
 use super::verdict::compare_loosely;
 use crate::common::{self, SceneBuilder, grey, light};
 
@@ -44,6 +44,7 @@ fn a_device_draws_the_vertices_that_the_cpu_draws() {
     let Some(device) = harness::device() else {
         return;
     };
+    let kind = harness::fastest_to_compile(&device);
     let subpaths = |photons: f64| vec![("photons", photons)];
     let drawn = |photons: f64, connections: f64, candidates: f64| {
         vec![
@@ -60,11 +61,7 @@ fn a_device_draws_the_vertices_that_the_cpu_draws() {
         ("all lights", scene_with_all_lights(), subpaths(200.0)),
     ] {
         let job = job([20, 14], &params);
-        let found = {
-            let mut renderer = open(&device, &scene, &job);
-            assert_eq!(renderer.advance(4).unwrap().invalid, 0);
-            renderer.film().clone()
-        };
+        let found = render(&device, kind, &scene, &job, 4);
         compare_loosely(name, &found, &common::render(&scene, job, 4));
     }
     harness::assert_no_validation_messages();
@@ -97,9 +94,8 @@ fn long_lists_of_vertices_are_those_of_the_cpu() {
         rr_start: None,
         ..job([12, 10], &[("photons", 70_000.0)])
     };
-    let mut renderer = open(&device, &scene, &job);
-    renderer.advance(1).unwrap();
-    let found = renderer.film().clone();
+    let kind = harness::fastest_to_compile(&device);
+    let found = render(&device, kind, &scene, &job, 1);
     compare_loosely("a long list", &found, &common::render(&scene, job, 1));
     harness::assert_no_validation_messages();
 }

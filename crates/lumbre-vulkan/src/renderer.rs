@@ -169,7 +169,7 @@ impl VulkanRenderer {
         let program = Program::new(kind, sources, job, modes, &constants, &bindings)?;
         program.warm_up(device, &bindings)?;
         if let Some(light) = program.light() {
-            light.prepare(device, &bindings, &light_paths, job)?;
+            light.prepare(&bindings, &light_paths, job)?;
         }
         let pipeline_s = start.elapsed().as_secs_f64();
         Ok(VulkanRenderer {

@@ -4,10 +4,10 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 
-layout(local_size_x = 256) in;
-
 #include "film/pixel.glsl"
 #include "iteration.glsl"
+
+layout(local_size_x = LIST_BLOCK) in;
 
 shared uint sums[LIST_BLOCK];
 

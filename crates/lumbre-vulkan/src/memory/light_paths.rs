@@ -21,8 +21,9 @@ const REMEDY: &str = "the light subpaths of a sample must fit into one storage b
 /// none.
 pub fn count(job: &Job) -> Option<u32> {
     job.integrator.sharing?;
-    let pixels = job.resolution[0].saturating_mul(job.resolution[1]);
-    Some(Settings::new(&job.params).photons.unwrap_or(pixels))
+    let [width, height] = job.resolution.map(u64::from);
+    let count = Settings::new(&job.params).light_paths(width * height);
+    Some(u32::try_from(count).unwrap_or(u32::MAX))
 }
 
 /// Buffers of light subpaths; of a few bytes for jobs whose samples share none.

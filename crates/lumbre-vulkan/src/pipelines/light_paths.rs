@@ -1,13 +1,10 @@
 //! Pipelines of the light subpaths that the samples of an iteration share.
 
-use std::sync::Arc;
-
 use ash::vk;
 
 use super::compute::{Bindings, ComputePipeline};
 use super::modules;
 use super::program::{PUSH, RenderPipeline, Stages};
-use crate::context::device::Device;
 use crate::error::VulkanError;
 use crate::layout::{LIGHT_PATHS_ROW, LIST_BLOCK, ListStep, Specialization, WaveParams};
 use crate::memory::light_paths::{self, LightPathBuffers};
@@ -77,11 +74,11 @@ impl LightPathPipelines {
     /// Returns an error if the device fails.
     pub fn prepare(
         &self,
-        device: &Arc<Device>,
         bindings: &Bindings,
         buffers: &LightPathBuffers,
         job: &Job,
     ) -> Result<(), VulkanError> {
+        let device = &bindings.device;
         buffers.set_connecting(1.0)?;
         device.run("prepare", |commands| {
             device.barrier_to_shaders(commands);

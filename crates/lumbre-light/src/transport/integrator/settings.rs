@@ -177,6 +177,12 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// Returns the number of photons or light subpaths of an iteration for a picture of `pixels` pixels:
+    /// see [`PHOTONS`].
+    pub fn light_paths(&self, pixels: u64) -> u64 {
+        self.photons.map_or(pixels, u64::from)
+    }
+
     /// Parses parameters that satisfy their schema.
     pub fn new(params: &BTreeMap<String, Value>) -> Settings {
         let one = match params.get(STRATEGIES.key) {

@@ -84,7 +84,7 @@ impl Sharing {
     /// ends subpaths, it bounds their expected number of vertices: after it starts, at most
     /// `1 / (1 - MAX_SURVIVAL)` follow on average.
     pub fn bytes(&self, settings: &Settings, size: &PathSize) -> u64 {
-        let paths = settings.photons.map_or(size.pixels, u64::from);
+        let paths = settings.light_paths(size.pixels);
         let paths = paths.min(self.batch.unwrap_or(u64::MAX));
         let after = (1.0 / (1.0 - f64::from(MAX_SURVIVAL))).ceil() as u32;
         let by_roulette = size

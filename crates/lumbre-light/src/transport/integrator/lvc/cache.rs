@@ -48,10 +48,7 @@ pub fn prepare(resources: &Resources) -> Box<Shared> {
     let setup = resources.map(1, |context, _| {
         let [width, height] = context.camera.resolution().map(u64::from);
         let (pixels, settings) = (width * height, context.settings);
-        let (connections, count) = (
-            settings.connections,
-            settings.photons.map_or(pixels, u64::from),
-        );
+        let (connections, count) = (settings.connections, settings.light_paths(pixels));
         Setup {
             count,
             connections,

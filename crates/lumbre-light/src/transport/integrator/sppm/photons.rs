@@ -80,7 +80,7 @@ impl PhotonSetup {
         let [width, height] = context.camera.resolution();
         let pixels = u64::from(width) * u64::from(height);
         PhotonSetup {
-            count: settings.photons.map_or(pixels, u64::from),
+            count: settings.light_paths(pixels),
             pixels,
             first_radius: settings
                 .radius
