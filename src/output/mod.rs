@@ -12,6 +12,7 @@ mod exposure;
 pub mod exr;
 mod format;
 pub mod guiding;
+pub mod lanes;
 mod latex;
 pub mod layer;
 pub mod lobe;

@@ -158,6 +158,9 @@ pub enum Verb {
     /// best technique is as each other one, with a confidence interval and its significance. The
     /// efficiency is 1 / (relMSE x render time).
     ///
+    /// A key that only some of the techniques have, such as `variant=llvm_ad_rgb` of
+    /// `external:mitsuba`, is given to those.
+    ///
     /// Two pictures in place of a scene are compared as by `lumbre diff`.
     ///
     /// Example: lumbre compare scenes/cornell.lua --technique nee,bdpt --time 10s

@@ -13,6 +13,7 @@ use crate::cli::night::last_command::latest;
 use crate::cli::night::log::Log;
 use crate::cli::night::run;
 use crate::experiment::night_results::{NightResults, RunResult, efficiency};
+use crate::output::lanes::mixed_lanes;
 use crate::store::read::night_results::read_night;
 use crate::store::{self, Evidence};
 use lumbre_metrics::MetricSpec;
@@ -56,6 +57,8 @@ pub fn main(args: &CompareArgs, global: &Global, log: &Log) -> Result<Exit, Fail
     let found = verdicts(&results);
     let mut lines: Vec<String> = found.iter().map(sentence).collect();
     lines.extend(floor_warning(&night, reference_technique(comparison)));
+    let runs = night.runs.iter().map(|run| (run.integrator.as_str(), run));
+    lines.extend(mixed_lanes(runs).map(|sentence| format!("warning: {sentence}")));
     lines.push(format!("script: {}", display_path(&script)));
     if args.json {
         crate::cli::json::print(as_json(&results, &found))?;

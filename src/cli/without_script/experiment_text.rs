@@ -8,6 +8,7 @@ use crate::cli::exit::Failure;
 use crate::cli::format::rounded;
 use crate::cli::scene::builtin::scene_name;
 use crate::script::literal;
+use lumbre_light::transport::integrator::integrator;
 use lumbre_light::value::Value;
 
 /// Render time of the reference over that of one run.
@@ -15,6 +16,9 @@ const REFERENCE_FACTOR: f64 = 8.0;
 
 /// Number of measurements of a run, about.
 const MEASUREMENTS: f64 = 20.0;
+
+/// A part of a render table.
+type Settings = BTreeMap<String, Value>;
 
 /// Returns the name of the experiment that compares techniques on a scene: letters, digits, `_` and
 /// `-`.
@@ -41,11 +45,17 @@ pub fn reference_technique(comparison: &ComparisonArgs) -> &str {
 /// Returns an error if fewer than two techniques, one twice, or a setting twice is given, or a setting
 /// is invalid.
 pub fn script_text(comparison: &ComparisonArgs, file: &str) -> Result<String, Failure> {
-    let table = picture_table(&comparison.picture)?;
+    let mut table = picture_table(&comparison.picture)?;
     check_techniques(&comparison.techniques, &table)?;
+    let own = own_settings(&mut table, comparison);
+    let of = |technique: &str| own.get(technique).cloned().unwrap_or_default();
     for technique in &comparison.techniques {
-        cell_config(table.clone(), technique)?;
+        let table = table.clone().into_iter().chain(of(technique));
+        cell_config(table.collect(), technique)?;
     }
+    let reference = reference_technique(comparison);
+    let mut of_reference = of(reference);
+    of_reference.insert("integrator".to_owned(), reference.into());
     let names: Vec<Value> = comparison
         .techniques
         .iter()
@@ -63,14 +73,12 @@ local x = experiment({name}, {{ seed = 1, repeats = {repeats}, order = \"interle
 x:axis(\"technique\", {techniques})
 
 x:render(function(p)
-  return {{
-{render}  }}
-end)
+{render}end)
 
 -- One reference for all techniques, {factor} times as long as a run. Its own noise is measured, and
 -- subtracted in the columns *_net.
 x:reference {{
-  from = function() return {{ integrator = {reference} }} end,
+  from = function() return {reference} end,
   stop = stop.time({reference_time}),
 }}
 
@@ -96,9 +104,9 @@ return x
         name = literal(&Value::Str(experiment_name(comparison))),
         repeats = comparison.repeats,
         techniques = literal(&Value::List(names)),
-        render = render_lines(table),
+        render = render_lines(table, &own),
         factor = rounded(REFERENCE_FACTOR),
-        reference = literal(&reference_technique(comparison).into()),
+        reference = literal(&Value::Map(of_reference)),
         reference_time = literal(&duration_text(REFERENCE_FACTOR * comparison.time)),
         every = literal(&duration_text(comparison.time / MEASUREMENTS)),
         time = literal(&duration_text(comparison.time)),
@@ -106,7 +114,7 @@ return x
 }
 
 /// Checks the techniques of a comparison; `table` are the other settings.
-fn check_techniques(techniques: &[String], table: &BTreeMap<String, Value>) -> Result<(), Failure> {
+fn check_techniques(techniques: &[String], table: &Settings) -> Result<(), Failure> {
     if techniques.len() < 2 {
         return Err(Failure::usage(
             "two techniques or more are compared, as in --technique nee,bdpt",
@@ -133,13 +141,50 @@ fn duration_text(seconds: f64) -> Value {
     Value::Str(format!("{seconds}s"))
 }
 
-/// Returns the lines of the render table, the technique after the scene.
-fn render_lines(mut table: BTreeMap<String, Value>) -> String {
+/// Takes the settings out of a table that are parameters of some of the techniques and not of all, and
+/// returns them by technique.
+fn own_settings(table: &mut Settings, comparison: &ComparisonArgs) -> BTreeMap<String, Settings> {
+    let techniques = || comparison.techniques.iter().chain(&comparison.reference);
+    let has = |technique: &str, key: &str| {
+        let fields = integrator(technique).map_or(&[][..], |row| row.params.fields);
+        fields.iter().any(|field| field.key == key)
+    };
+    let mut own: BTreeMap<String, Settings> = BTreeMap::new();
+    table.retain(|key, value| {
+        if techniques().all(|technique| has(technique, key)) {
+            return true;
+        }
+        let mut is_shared = true;
+        for technique in techniques().filter(|technique| has(technique, key)) {
+            let settings = own.entry(technique.clone()).or_default();
+            settings.insert(key.clone(), value.clone());
+            is_shared = false;
+        }
+        is_shared
+    });
+    own
+}
+
+/// Returns the lines of the function that renders: a table with the technique after the scene, and
+/// what only some techniques have.
+fn render_lines(mut table: Settings, own: &BTreeMap<String, Settings>) -> String {
     let scene = table.remove("scene").unwrap_or(Value::Nil);
-    let mut lines = format!("    scene = {},\n", literal(&scene));
-    lines += "    integrator = p.technique,\n";
+    let mut fields = format!("    scene = {},\n", literal(&scene));
+    fields += "    integrator = p.technique,\n";
     for (key, value) in table {
-        lines += &format!("    {key} = {},\n", literal(&value));
+        fields += &format!("    {key} = {},\n", literal(&value));
     }
-    lines
+    if own.is_empty() {
+        return format!("  return {{\n{fields}  }}\n");
+    }
+    let mut lines = format!("  local settings = {{\n{fields}  }}\n");
+    for (technique, settings) in own {
+        let technique = literal(&technique.as_str().into());
+        lines += &format!("  if p.technique == {technique} then\n");
+        for (key, value) in settings {
+            lines += &format!("    settings.{key} = {}\n", literal(value));
+        }
+        lines += "  end\n";
+    }
+    lines + "  return settings\n"
 }

@@ -4,6 +4,7 @@
 use super::item::{ItemKind, ReportItem};
 use super::study::Study;
 use crate::output::format::significant;
+use crate::output::lanes;
 use crate::output::metric_display::MetricDisplay;
 use crate::output::plot::axis::Scale;
 use crate::output::provenance::Provenance;
@@ -247,25 +248,12 @@ fn sentence(column: &Column) -> String {
 
 /// Returns a sentence if some series traced one path at a time and others many.
 fn mixed_lanes(study: &Study) -> Option<String> {
-    let (mut single, mut vectors) = (Vec::new(), Vec::new());
-    for (index, series) in study.series.iter().enumerate() {
+    let series = study.series.iter().enumerate();
+    lanes::mixed_lanes(series.flat_map(|(index, series)| {
         let facets = 0..study.facets.len();
-        let mut runs = facets.flat_map(|facet| study.members(facet, index));
-        match runs.find_map(|member| member.run.lanes) {
-            Some(1) => single.push(series.label.as_str()),
-            Some(_) => vectors.push(series.label.as_str()),
-            None => {}
-        }
-    }
-    (!single.is_empty() && !vectors.is_empty()).then(|| {
-        format!(
-            "{} traced one path at a time, and {} many at a time in vectors, which alone makes \
-             samples several times as fast. `accel = {{ lanes = \"never\" }}` in the render table \
-             compares all of them one path at a time, with the same pictures.",
-            single.join(", "),
-            vectors.join(", ")
-        )
-    })
+        let members = facets.flat_map(move |facet| study.members(facet, index));
+        members.map(|member| (series.label.as_str(), member.run))
+    }))
 }
 
 /// Returns a sentence for each reference that does not agree with another technique.

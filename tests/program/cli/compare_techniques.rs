@@ -45,6 +45,49 @@ fn a_new_script_is_complete_and_never_replaces_a_file() {
     assert!(unknown.contains("did you mean `bdpt`"), "{unknown}");
 }
 
+#[test]
+fn a_parameter_of_some_techniques_is_given_to_those() {
+    let place = Workplace::new();
+    let written = |name: &str, reference: &str| {
+        let args = [
+            "new",
+            "ball.scn",
+            "--yes",
+            "--technique",
+            "bpt,nee,bdpt",
+            "--reference",
+            reference,
+            "--output",
+            name,
+            "select=uniform",
+            "max_depth=3",
+        ];
+        place.succeed(&args);
+        let planned = place.succeed(&["plan", name, "--backend", "cpu"]).stdout;
+        (place.read(name), planned)
+    };
+    let (script, planned) = written("a.lua", "bdpt");
+    for lines in [
+        "    max_depth = 3,\n  }\n",
+        "  if p.technique == \"bdpt\" then\n    settings.select = \"uniform\"\n  end\n",
+        "  if p.technique == \"nee\" then\n    settings.select = \"uniform\"\n  end\n",
+        "from = function() return { integrator = \"bdpt\", select = \"uniform\" } end",
+    ] {
+        assert!(script.contains(lines), "{lines} is missing in\n{script}");
+    }
+    assert!(!script.contains("technique == \"bpt\""), "{script}");
+    // All techniques have one reference.
+    assert!(planned.contains(" 1 reference"), "{planned}");
+    let (script, planned) = written("b.lua", "bpt");
+    assert!(
+        script.contains("return { integrator = \"bpt\" } end"),
+        "{script}"
+    );
+    assert!(planned.contains(" 1 reference"), "{planned}");
+    let unknown = place.fail(2, &["compare", "ball.scn", "variant=llvm_ad_rgb"]);
+    assert!(unknown.contains("unknown key `variant`"), "{unknown}");
+}
+
 /// Next event estimation is many times as efficient as `bpt` under a small lamp, which no timing on
 /// a busy machine turns around.
 #[test]

@@ -184,6 +184,8 @@ fn mitsuba_renders_the_same_picture_and_reports_its_own_render_time() {
         mitsuba["samples"] == 64 && mitsuba["render_s"].as_f64().unwrap() > 0.0,
         "{mitsuba}"
     );
+    // Mitsuba's scalar variant follows one path at a time, which a comparison by time must say.
+    assert_eq!(mitsuba["devices"][0]["features"]["lanes"], 1, "{mitsuba}");
     let rmse = |done: &serde_json::Value| done["metrics"]["rmse"].as_f64().unwrap();
     // Both are unbiased for a diffuse ball under an area light, and `nee` samples the light as
     // Mitsuba does.

@@ -25,6 +25,7 @@ pub(super) fn technique(params: &BTreeMap<String, Value>) -> Technique {
     };
     let words = |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect();
     let values = [PYTHON, VARIANT, METHOD].map(|field| (field.key.to_owned(), text(field)));
+    let is_scalar = text(VARIANT).starts_with("scalar");
     Technique {
         name: "mitsuba".to_owned(),
         found_version: String::new(),
@@ -48,6 +49,8 @@ pub(super) fn technique(params: &BTreeMap<String, Value>) -> Technique {
         filters: BTreeMap::new(),
         layers: BTreeMap::new(),
         non_finite_is_black: true,
+        // Compiled variants do not state the width of their vectors.
+        lanes: is_scalar.then_some(1),
         bridge: Some(BRIDGE),
         values: BTreeMap::from(values),
     }

@@ -105,6 +105,7 @@ impl ExternalRenderer {
         } else {
             Driver::OneShot
         };
+        device.features.lanes = technique.lanes;
         Ok(ExternalRenderer {
             driver,
             technique,

@@ -176,6 +176,8 @@ pub struct Technique {
     pub layers: BTreeMap<String, String>,
     /// Whether values that are not finite count as black.
     pub non_finite_is_black: bool,
+    /// Number of paths that it traces at a time, if known.
+    pub lanes: Option<u32>,
     /// Script of a bridge of this program, with its file name, which `{work}` contains.
     pub bridge: Option<(&'static str, &'static str)>,
     /// Values of placeholders that are known before a run: own parameters, and `folder`.
@@ -218,6 +220,7 @@ impl Technique {
             filters: named_texts(params, "filters", &FILTER_NAMES)?,
             layers: named_texts(params, "layers", &LAYERS.map(|layer| layer.row().name))?,
             non_finite_is_black: text("non_finite") == Some("black"),
+            lanes: None,
             bridge: None,
             values,
         };

@@ -1,6 +1,7 @@
 //! The answer at the top of the page, its caveats, and the reference that crops show.
 
 use super::*;
+use lumbre_render::Peer;
 
 fn verdict(night: NightResults) -> String {
     let made = report(&[night], &ReportOptions::default());
@@ -112,9 +113,16 @@ fn techniques_with_and_without_vectors_are_told_apart() {
     for run in mixed.runs.iter_mut().filter(|run| run.integrator == "bpt") {
         run.lanes = Some(1);
     }
-    let markdown = verdict(mixed);
+    let markdown = verdict(mixed.clone());
     let expected = "bpt traced one path at a time, and nee many at a time in vectors";
     assert!(markdown.contains(expected), "{markdown}");
+    assert!(!markdown.contains("llvm_ad_rgb"), "{markdown}");
+    for run in mixed.runs.iter_mut().filter(|run| run.lanes == Some(1)) {
+        run.peer = Some(Peer::default());
+    }
+    let markdown = verdict(mixed);
+    assert!(markdown.contains(expected), "{markdown}");
+    assert!(markdown.contains("llvm_ad_rgb"), "{markdown}");
     assert!(!verdict(night("Sample GPU", 1.0)).contains("in vectors"));
 }
 
