@@ -208,3 +208,70 @@ fn mitsuba_renders_the_same_picture_and_reports_its_own_render_time() {
             .contains("external:mitsuba was rendered by Mitsuba 3.")
     );
 }
+
+/// Modules in place of Dr.Jit and Mitsuba: each picture compiles a kernel for ten seconds, and finds
+/// another compiled.
+const STAND_INS: [(&str, &str); 2] = [
+    (
+        "drjit.py",
+        "class JitFlag: KernelHistory = 0
+kernels = []
+def set_flag(flag, value): pass
+def set_thread_count(count): pass
+def thread_count(): return 2
+def eval(image): pass
+def sync_thread(): pass
+def kernel_history():
+    found = kernels.copy()
+    kernels.clear()
+    return found
+",
+    ),
+    (
+        "mitsuba.py",
+        "import drjit
+__version__ = '3'
+class LogLevel: Warn = 0
+class Struct:
+    class Type: Float32 = 0
+class Bitmap:
+    class PixelFormat: RGB = 0
+    def __init__(self, image): pass
+    def convert(self, *to): return self
+    def write(self, file): pass
+def set_variant(name): pass
+def set_log_level(level): pass
+def load_file(file, **values): pass
+def load_dict(values): pass
+def render(scene, **values):
+    drjit.kernels.append({'cache_hit': False, 'codegen_time': 1e3, 'backend_time': 9e3})
+    drjit.kernels.append({'cache_hit': True, 'execution_time': 7e3})
+",
+    ),
+];
+
+#[test]
+fn the_render_time_of_mitsuba_is_without_compiling_kernels() {
+    let place = Workplace::new();
+    for (name, text) in STAND_INS {
+        place.write(name, text);
+    }
+    let bridge = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/crates/lumbre-render/src/external/lumbre_mitsuba.py"
+    );
+    let seconds = |variant: &str| -> f64 {
+        let requests = place.path("requests.txt");
+        std::fs::write(&requests, "4 1 picture.exr\n").unwrap();
+        let replies = std::process::Command::new("python3")
+            .args([bridge, variant, "path", "scene.xml", "8", "8", "5", "2"])
+            .env("PYTHONPATH", place.path("."))
+            .stdin(std::fs::File::open(requests).unwrap())
+            .output()
+            .unwrap();
+        let replies = String::from_utf8(replies.stdout).unwrap();
+        replies.lines().nth(1).unwrap().parse().unwrap()
+    };
+    assert!((-10.0..0.0).contains(&seconds("llvm_ad_rgb")));
+    assert!((0.0..10.0).contains(&seconds("scalar_rgb")));
+}

@@ -31,17 +31,28 @@ def reply(text):
     replies.flush()
 
 
+def compile_time():
+    """Returns the seconds that kernels were compiled for since the last call."""
+    if is_scalar:
+        return 0
+    compiled = (kernel for kernel in dr.kernel_history() if not kernel.get("cache_hit"))
+    return sum(kernel.get("codegen_time", 0) + kernel.get("backend_time", 0) for kernel in compiled) / 1000
+
+
 def render(spp, seed):
+    compile_time()
     start = time.perf_counter()
     image = mi.render(scene, integrator=integrator, spp=spp, seed=seed)
     # Compiled variants are lazy; the time ends when the picture has been computed.
     dr.eval(image)
     dr.sync_thread()
-    return image, time.perf_counter() - start
+    return image, time.perf_counter() - start - compile_time()
 
 
-# Compile kernels before the first timed wave.
-if not variant.startswith("scalar"):
+# Most kernels are compiled before the first timed wave; other numbers of samples need others.
+is_scalar = variant.startswith("scalar")
+if not is_scalar:
+    dr.set_flag(dr.JitFlag.KernelHistory, True)
     render(1, 0)
 device = "cuda" if variant.startswith("cuda") else f"cpu, {dr.thread_count()} threads"
 reply(f"ready 1 {device}, Mitsuba {mi.__version__} {variant} {method}")
