@@ -8,13 +8,15 @@ pub fn mixed_lanes<'a>(runs: impl Iterator<Item = (&'a str, &'a RunResult)>) -> 
     let (mut single, mut vectors, mut is_external) = (Vec::new(), Vec::new(), false);
     for (label, run) in runs {
         let of = match run.lanes {
-            Some(1) => &mut single,
+            Some(1) => {
+                is_external |= run.peer.is_some();
+                &mut single
+            }
             Some(_) => &mut vectors,
             None => continue,
         };
         if !of.contains(&label) {
             of.push(label);
-            is_external |= run.lanes == Some(1) && run.peer.is_some();
         }
     }
     let external = if is_external {

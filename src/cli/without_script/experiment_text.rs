@@ -151,14 +151,11 @@ fn own_settings(table: &mut Settings, comparison: &ComparisonArgs) -> BTreeMap<S
     };
     let mut own: BTreeMap<String, Settings> = BTreeMap::new();
     table.retain(|key, value| {
-        if techniques().all(|technique| has(technique, key)) {
-            return true;
-        }
-        let mut is_shared = true;
-        for technique in techniques().filter(|technique| has(technique, key)) {
+        let (owners, others): (Vec<_>, Vec<_>) = techniques().partition(|name| has(name, key));
+        let is_shared = owners.is_empty() || others.is_empty();
+        for technique in owners.into_iter().filter(|_| !is_shared) {
             let settings = own.entry(technique.clone()).or_default();
             settings.insert(key.clone(), value.clone());
-            is_shared = false;
         }
         is_shared
     });

@@ -249,10 +249,11 @@ fn sentence(column: &Column) -> String {
 /// Returns a sentence if some series traced one path at a time and others many.
 fn mixed_lanes(study: &Study) -> Option<String> {
     let series = study.series.iter().enumerate();
-    lanes::mixed_lanes(series.flat_map(|(index, series)| {
+    lanes::mixed_lanes(series.filter_map(|(index, series)| {
         let facets = 0..study.facets.len();
-        let members = facets.flat_map(move |facet| study.members(facet, index));
-        members.map(|member| (series.label.as_str(), member.run))
+        let mut runs = facets.flat_map(|facet| study.members(facet, index));
+        let known = runs.find(|member| member.run.lanes.is_some())?;
+        Some((series.label.as_str(), known.run))
     }))
 }
 

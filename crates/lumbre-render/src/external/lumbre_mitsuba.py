@@ -19,9 +19,11 @@ variant, method, scene_file = sys.argv[1:4]
 width, height, max_depth, threads = map(int, sys.argv[4:8])
 # Roulette starts beyond the last edge, so it has no effect.
 rr_depth = max_depth + 1
+is_scalar = variant.startswith("scalar")
 mi.set_variant(variant)
 mi.set_log_level(mi.LogLevel.Warn)
 dr.set_thread_count(threads)
+dr.set_flag(dr.JitFlag.KernelHistory, True)
 scene = mi.load_file(scene_file, width=width, height=height, max_depth=max_depth, rr_depth=rr_depth, filter="box")
 integrator = mi.load_dict({"type": method, "max_depth": max_depth, "rr_depth": rr_depth})
 
@@ -50,9 +52,7 @@ def render(spp, seed):
 
 
 # Most kernels are compiled before the first timed wave; other numbers of samples need others.
-is_scalar = variant.startswith("scalar")
 if not is_scalar:
-    dr.set_flag(dr.JitFlag.KernelHistory, True)
     render(1, 0)
 device = "cuda" if variant.startswith("cuda") else f"cpu, {dr.thread_count()} threads"
 reply(f"ready 1 {device}, Mitsuba {mi.__version__} {variant} {method}")
