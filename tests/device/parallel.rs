@@ -1,9 +1,11 @@
-//! The samples of a pixel may be rendered at once. This changes no bit of the film, the checkpoint
-//! and the counts, and a run of one kind continues from a checkpoint of the other.
+//! The samples of a pixel may be rendered at once, or each as soon as the path before it has ended. This
+//! changes no bit of the film, the checkpoint and the counts, and a run of one kind continues from a
+//! checkpoint of the other.
 
 use std::sync::Arc;
 
 use glam::Vec3;
+use lumbre_light::film::layer::Layer;
 use lumbre_light::scene::CompiledScene;
 use lumbre_render::{Job, Renderer};
 use lumbre_vulkan::context::device::Device;
@@ -17,7 +19,7 @@ use super::images::{room, state, supported_modes, technique_job};
 use crate::common::{SceneBuilder, grey};
 
 /// Fewer than the samples of a wave, so that a dispatch has several parts, and no divisor of them.
-const AT_ONCE: u32 = 3;
+const PARALLEL: PixelSamples = PixelSamples::Parallel(3);
 
 /// Samples of each wave, and number of samples announced to follow.
 const WAVES: [(u64, u64); 4] = [(1, 5), (8, 20), (20, 2), (2, 0)];
@@ -33,33 +35,42 @@ fn open(
     VulkanRenderer::with_samples(device, kind, &sources, scene, job, samples).unwrap()
 }
 
-/// Renders a job with samples in turn and at once, and compares everything after every wave.
-/// Returns the number of invalid samples.
-fn compare_both(device: &Arc<Device>, kind: TracingMode, scene: &CompiledScene, job: &Job) -> u64 {
-    let name = format!("{} by {}", job.integrator.name, kind.backend());
-    let parallel = PixelSamples::Parallel(AT_ONCE);
-    let [mut in_turn, mut at_once] =
-        [PixelSamples::InTurn, parallel].map(|samples| open(device, kind, scene, job, samples));
+/// Renders a job with samples in turn and by another schedule, and compares everything after every
+/// wave. Returns the number of invalid samples.
+fn compare(
+    device: &Arc<Device>,
+    kind: TracingMode,
+    scene: &CompiledScene,
+    job: &Job,
+    schedule: PixelSamples,
+) -> u64 {
+    let name = format!(
+        "{} by {}, {schedule:?}",
+        job.integrator.name,
+        kind.backend()
+    );
+    let [mut in_turn, mut other] =
+        [PixelSamples::InTurn, schedule].map(|samples| open(device, kind, scene, job, samples));
     let mut invalid = 0;
     for (i, (samples, more)) in WAVES.into_iter().enumerate() {
         let expected = in_turn.advance_with_lookahead(samples, more).unwrap();
-        let found = at_once.advance_with_lookahead(samples, more).unwrap();
+        let found = other.advance_with_lookahead(samples, more).unwrap();
         assert_eq!(counts(&found), counts(&expected), "{name}, wave {i}");
         assert_eq!(
             found.first_invalid, expected.first_invalid,
             "{name}, wave {i}"
         );
         assert!(
-            state(&at_once) == state(&in_turn),
+            state(&other) == state(&in_turn),
             "{name}, wave {i}: the films differ"
         );
         invalid += found.invalid;
     }
     // A run continues from the checkpoint of one of the other kind.
-    in_turn.restore(&state(&at_once)).unwrap();
+    in_turn.restore(&state(&other)).unwrap();
     in_turn.advance(2).unwrap();
-    at_once.advance(2).unwrap();
-    assert!(state(&at_once) == state(&in_turn), "{name}: continued");
+    other.advance(2).unwrap();
+    assert!(state(&other) == state(&in_turn), "{name}: continued");
     invalid
 }
 
@@ -75,12 +86,33 @@ fn samples_at_once_have_the_bits_of_samples_in_turn() {
         ..technique_job(name, 81)
     };
     for name in ["bpt", "nee", "bdpt"] {
-        compare_both(&device, fastest, &scene, &small(name));
+        compare(&device, fastest, &scene, &small(name), PARALLEL);
     }
     for kind in supported_modes(&device) {
         if kind != fastest {
-            compare_both(&device, kind, &scene, &small("bpt"));
+            compare(&device, kind, &scene, &small("bpt"), PARALLEL);
         }
+    }
+    harness::assert_no_validation_messages();
+}
+
+#[test]
+fn regenerated_paths_have_the_bits_of_samples_in_turn() {
+    let Some(device) = harness::integer_splat_device() else {
+        return;
+    };
+    let (scene, kind) = (room(), harness::fastest_to_compile(&device));
+    let plain = |name: &str| Job {
+        resolution: [21, 13],
+        ..technique_job(name, 83)
+    };
+    let with_films = Job {
+        layers: vec![Layer::Depth, Layer::Rays],
+        timing: Some(harness::timing(0.0, 1.0, 8)),
+        ..plain("nee")
+    };
+    for job in [plain("bpt"), plain("nee"), plain("bdpt"), with_films] {
+        compare(&device, kind, &scene, &job, PixelSamples::Regenerated);
     }
     harness::assert_no_validation_messages();
 }
@@ -103,7 +135,9 @@ fn invalid_samples_at_once_are_refused_as_those_in_turn() {
         ..technique_job("bpt", 82)
     };
     let kind = harness::fastest_to_compile(&device);
-    let invalid = compare_both(&device, kind, &scene, &job);
-    assert!(invalid > 0, "the scene has no invalid sample");
+    for schedule in [PARALLEL, PixelSamples::Regenerated] {
+        let invalid = compare(&device, kind, &scene, &job, schedule);
+        assert!(invalid > 0, "the scene has no invalid sample");
+    }
     harness::assert_no_validation_messages();
 }

@@ -56,13 +56,13 @@ const BUGS: [(&str, &str, &str); 4] = [
     // Weights of multiple importance sampling that do not add up to one.
     (
         "transport/integrator/nee.glsl",
-        "pdf_w *= ALL_LIGHTS ? 1.0 : lights_pdf_choice(surface.emitter);",
-        "",
+        "ALL_LIGHTS ? 1.0 : lights_pdf_choice(surface.emitter)",
+        "1.0",
     ),
     // Roulette without its compensation.
     (
-        "transport/integrator/nee.glsl",
-        "throughput /= survival;",
+        "transport/integrator/camera_path/single.glsl",
+        "path.throughput /= survival;",
         "",
     ),
     // Sampled lights that are half a per cent too bright.

@@ -128,6 +128,7 @@ pub fn specialization(
         other_lights: u32::from(!only_surfaces),
         all_lights: u32::from(Settings::new(&job.params).all_lights),
         parallel_samples: u32::from(samples.at_once().is_some()),
+        regenerated: u32::from(samples == PixelSamples::Regenerated),
         candidates: Settings::new(&job.params).candidates,
     }
 }

@@ -63,6 +63,14 @@ bool trace_occluded(Ray ray, float t_max) {
     return brute(ray, t_max, hit);
 }
 
+#ifdef CAMERA_PATHS
+void integrate(uvec2 pixel, inout Sampler numbers) {
+    CameraPath path = camera_path_new(pixel, numbers);
+    while (camera_path_step(pixel, path, numbers)) {
+    }
+}
+#endif
+
 void twin() {
     uvec2 pixel = uvec2(in_word(), in_word());
     Sampler numbers = sampler_start(job.seed, pixel, uvec2(in_word(), 0u));

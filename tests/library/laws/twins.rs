@@ -99,12 +99,8 @@ const HOST: &[(&str, &str)] = &[
         "GLSL invocations follow one path each",
     ),
     (
-        "crates/lumbre-light/src/transport/integrator/camera_path/single.rs",
-        "GLSL invocations follow one path each",
-    ),
-    (
         "crates/lumbre-light/src/transport/integrator/camera_path/state.rs",
-        "GLSL invocations follow one path each",
+        "its twin is part of camera_path/single.glsl",
     ),
     (
         "crates/lumbre-light/src/transport/integrator/camera_path/walk.rs",

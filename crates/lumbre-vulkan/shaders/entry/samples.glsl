@@ -7,38 +7,70 @@
 #include "transport/sampler/mod.glsl"
 #include "generated/integrator.glsl"
 
-// Renders a sample of a pixel; returns what the pixel gets from it.
-SampleValue render_sample(uvec2 pixel, uint at, uvec2 index) {
-    film_begin();
-    Sampler numbers = sampler_start(job.seed, pixel, index);
-    INTEGRATOR_SAMPLE(pixel, numbers);
-    return film_end(at);
+#ifndef CAMERA_PATHS
+// Whatever the integrator does for a sample is one step.
+struct CameraPath {
+    bool none;
+};
+
+CameraPath camera_path_new(uvec2 pixel, inout Sampler numbers) {
+    return CameraPath(true);
 }
 
-// Adds the wave's samples to a pixel. With PARALLEL_SAMPLES it stores the value of sample `place.z`
-// instead, and `sum.comp` adds them.
+bool camera_path_step(uvec2 pixel, inout CameraPath path, inout Sampler numbers) {
+    INTEGRATOR_SAMPLE(pixel, numbers);
+    return false;
+}
+#endif
+
+// Ends a sample: adds it to its pixel or, with PARALLEL_SAMPLES, stores it, and `sum.comp` adds it. The
+// sums are in memory between samples, where they cost no registers.
+void end_sample(uint at, uint i, inout uint rays) {
+    SampleValue part = film_end(at);
+    if (PARALLEL_SAMPLES) {
+        sample_values[sample_value_at(i, at)] = part;
+        return;
+    }
+    SampleSums sums = pixel_sums[at];
+    pixel_add(at, sums, part, sample_index(i));
+    pixel_sums[at] = sums;
+    rays += part.rays;
+}
+
+// Renders the samples of an invocation: all of the wave, or with PARALLEL_SAMPLES one. With REGENERATED
+// the edges of all paths are one loop, so that an invocation whose path has ended does not wait for
+// its neighbours.
 void render(uvec3 place) {
     uvec2 pixel;
     if (!pixel_at(place.xy, pixel)) {
         return;
     }
-    uint at = pixel_index(pixel);
     film_pixel = pixel;
-    PixelFilm film = pixel_begin(at);
-    uint first = PARALLEL_SAMPLES ? place.z : 0u;
+    uint at = pixel_index(pixel), rays = 0u;
+    uint i = PARALLEL_SAMPLES ? place.z : 0u;
     uint end = PARALLEL_SAMPLES ? place.z + 1u : wave.samples;
-    // A loop with one call, since compilers inline every call.
-    for (uint i = first; i < end; i++) {
-        uvec2 index = sample_index(i);
-        SampleValue part = render_sample(pixel, at, index);
-        if (PARALLEL_SAMPLES) {
-            sample_values[sample_value_at(i, at)] = part;
-        } else {
-            pixel_add(film, part, index);
+    CameraPath path;
+    Sampler numbers;
+    // The sample of the path: no flag, see `LastScatter`.
+    uint begun = end;
+    while (i < end) {
+        if (!REGENERATED || begun != i) {
+            begun = i;
+            film_begin();
+            numbers = sampler_start(job.seed, pixel, sample_index(i));
+            path = camera_path_new(pixel, numbers);
+        }
+        bool goes_on;
+        do {
+            goes_on = camera_path_step(pixel, path, numbers);
+        } while (goes_on && !REGENERATED);
+        if (!goes_on) {
+            end_sample(at, i, rays);
+            i++;
         }
     }
     if (!PARALLEL_SAMPLES) {
-        pixel_end(film, at);
+        count_rays(rays);
     }
 }
 

@@ -12,9 +12,13 @@ void main() {
         return;
     }
     uint at = pixel_index(pixel);
-    PixelFilm film = pixel_begin(at);
+    SampleSums sums = pixel_sums[at];
+    uint rays = 0u;
     for (uint i = 0u; i < wave.samples; i++) {
-        pixel_add(film, sample_values[sample_value_at(i, at)], sample_index(i));
+        SampleValue part = sample_values[sample_value_at(i, at)];
+        pixel_add(at, sums, part, sample_index(i));
+        rays += part.rays;
     }
-    pixel_end(film, at);
+    pixel_sums[at] = sums;
+    count_rays(rays);
 }

@@ -1,5 +1,4 @@
-// The sums of a pixel's own samples: read before a dispatch adds samples to them, and written after
-// it. Samples are added in the order of their indices, also if they were rendered in parallel.
+// The sums of a pixel's own samples. Samples are added in the order of their indices, also if they were rendered in parallel.
 #ifndef FILM_PIXEL_GLSL
 #define FILM_PIXEL_GLSL
 
@@ -11,15 +10,6 @@ layout(set = 0, binding = 22, scalar) buffer CountersBlock { Counters counters; 
 // Samples that wait to be added, [sample of the dispatch][pixel]; empty without PARALLEL_SAMPLES.
 layout(set = 0, binding = 29, scalar) buffer SampleValues { SampleValue sample_values[]; };
 layout(push_constant, scalar) uniform WaveBlock { WaveParams wave; };
-
-struct PixelFilm {
-    SampleSums sums;
-    Invalid invalid;
-    // Number of refused contributions before this dispatch.
-    uint refused;
-    // Number of rays of this dispatch.
-    uint rays;
-};
 
 // Returns whether an invocation has a pixel, and which; rows count from the wave's first one.
 bool pixel_at(uvec2 place, out uvec2 pixel) {
@@ -50,35 +40,22 @@ void count_rays(uint rays) {
     }
 }
 
-PixelFilm pixel_begin(uint pixel) {
-    Invalid invalid = pixel_invalid[pixel];
-    return PixelFilm(pixel_sums[pixel], invalid, invalid.count, 0u);
-}
-
-// Adds a sample: light that is not finite counts as another refused contribution.
-void pixel_add(inout PixelFilm film, SampleValue part, uvec2 index) {
+// Adds a sample of a pixel to sums that began with those of the pixel: light that is not finite counts
+// as another refused contribution.
+void pixel_add(uint pixel, inout SampleSums sums, SampleValue part, uvec2 index) {
     uint refused = part.refused;
     if (finite(part.value)) {
-        add_sample(film.sums, part.value);
+        add_sample(sums, part.value);
     } else {
         refused++;
     }
     if (refused > 0u) {
-        if (film.invalid.count == 0u) {
-            film.invalid.first = index;
+        if (pixel_invalid[pixel].count == 0u) {
+            pixel_invalid[pixel].first = index;
         }
-        film.invalid.count += refused;
+        pixel_invalid[pixel].count += refused;
+        atomicAdd(counters.invalid, refused);
     }
-    film.rays += part.rays;
-}
-
-void pixel_end(PixelFilm film, uint pixel) {
-    pixel_sums[pixel] = film.sums;
-    if (film.invalid.count != film.refused) {
-        pixel_invalid[pixel] = film.invalid;
-        atomicAdd(counters.invalid, film.invalid.count - film.refused);
-    }
-    count_rays(film.rays);
 }
 
 #endif

@@ -49,5 +49,7 @@ layout(constant_id = 15) const bool OTHER_LIGHTS = true;
 layout(constant_id = 16) const bool ALL_LIGHTS = false;
 // Whether each sample of a pixel is an invocation, and its value is added afterwards.
 layout(constant_id = 17) const bool PARALLEL_SAMPLES = false;
+// Whether an invocation starts its next sample as soon as a camera path has ended, whatever its neighbours do.
+layout(constant_id = 18) const bool REGENERATED = false;
 // Number of light vertices that are drawn for a connection.
-layout(constant_id = 18) const uint CANDIDATES = 1u;
+layout(constant_id = 19) const uint CANDIDATES = 1u;

@@ -86,6 +86,9 @@ specialization! {
     all_lights: "ALL_LIGHTS" "bool" false = 0,
     /// Whether each sample of a pixel is an invocation, and its value is added afterwards.
     parallel_samples: "PARALLEL_SAMPLES" "bool" false = 0,
+    /// Whether an invocation starts its next sample as soon as a camera path has ended, whatever its
+    /// neighbours do.
+    regenerated: "REGENERATED" "bool" false = 0,
     /// Number of light vertices that are drawn for a connection.
     candidates: "CANDIDATES" "uint" false = 1,
 }

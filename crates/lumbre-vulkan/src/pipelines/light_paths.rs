@@ -44,6 +44,7 @@ impl LightPathPipelines {
             layers: 0,
             paths: 0,
             parallel_samples: 0,
+            regenerated: 0,
             ..*constants
         };
         let recipe = modules::light_paths(stages.kind, name, stages.extended);

@@ -83,6 +83,7 @@ embed![
     "transport/integrator/lvc/cache.glsl",
     "transport/integrator/lvc/mod.glsl",
     "transport/integrator/bpt.glsl",
+    "transport/integrator/camera_path/single.glsl",
     "transport/integrator/nee.glsl",
     "transport/integrator/settings.glsl",
     "transport/light/area.glsl",

@@ -1,5 +1,5 @@
 //! The schedule of the samples of a pixel in a dispatch: one after another in one invocation, or each in
-//! its own, which keeps a device busy with small pictures. Both add the same values in the same
+//! its own, which keeps a device busy with small pictures. All schedules add the same values in the same
 //! order, so films have the same bits.
 
 use lumbre_render::Job;
@@ -16,14 +16,19 @@ const MAX_VALUES: u64 = 1 << 21;
 /// workgroups.
 const MAX_AT_ONCE: u64 = 1 << 15;
 
-/// Environment variable: `1` renders samples in parallel wherever that is possible, `0` nowhere.
-const VARIABLE: &str = "LUMBRE_PARALLEL_SAMPLES";
+/// Environment variable that chooses a schedule wherever it is possible: `in-turn`, `regenerated` or
+/// `parallel`.
+const VARIABLE: &str = "LUMBRE_PIXEL_SAMPLES";
 
 /// The schedule of the samples of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PixelSamples {
     /// One after another.
     InTurn,
+    /// One after another, but a camera path starts as soon as the one before it has ended, while
+    /// paths of other pixels go on [Novak, Havran, Dachsbacher 2010, *Path Regeneration for
+    /// Interactive Path Tracing*]. Otherwise all invocations of a group wait for its longest path.
+    Regenerated,
     /// One after another, and their events are recorded.
     Recorded,
     /// At most this many at once; of films without layers and time axis only.
@@ -34,13 +39,12 @@ impl PixelSamples {
     /// Returns how a job's samples are rendered on a device.
     pub fn suitable(device: &DeviceInfo, job: &Job) -> PixelSamples {
         let requested = std::env::var(VARIABLE).ok();
-        let wanted = match requested.as_deref() {
-            Some("0") => false,
-            Some("1") => true,
-            _ => pixels(job) < FEW_PIXELS && !device.software,
-        };
-        match PixelSamples::parallel(job) {
-            Some(parallel) if wanted => parallel,
+        let few = pixels(job) < FEW_PIXELS && !device.software;
+        match requested.as_deref() {
+            Some("in-turn") => PixelSamples::InTurn,
+            Some("regenerated") => PixelSamples::Regenerated,
+            Some("parallel") => PixelSamples::parallel(job).unwrap_or(PixelSamples::InTurn),
+            _ if few => PixelSamples::parallel(job).unwrap_or(PixelSamples::InTurn),
             _ => PixelSamples::InTurn,
         }
     }
@@ -59,7 +63,7 @@ impl PixelSamples {
     /// another.
     pub fn at_once(self) -> Option<u32> {
         match self {
-            PixelSamples::InTurn | PixelSamples::Recorded => None,
+            PixelSamples::InTurn | PixelSamples::Regenerated | PixelSamples::Recorded => None,
             PixelSamples::Parallel(at_once) => Some(at_once),
         }
     }
