@@ -4,7 +4,10 @@
 use std::collections::BTreeMap;
 use std::io::Cursor;
 
+use exr::math::Vec2;
+use exr::meta::BlockDescription;
 use exr::meta::attribute::AttributeValue;
+use exr::meta::header::Header;
 use exr::prelude::{MetaData, ReadChannels, ReadLayers, read};
 
 use crate::film::Image;
@@ -88,24 +91,46 @@ pub fn decode_channels(
     groups.iter().map(image).collect()
 }
 
-/// Checks the sizes of all layers from their headers, before memory is allocated for the pixels.
+/// Maximum size of an uncompressed block, tile or rows, that is larger than its whole layer, in bytes:
+/// the crate `exr` allocates a block before it reads one.
+const MAX_BLOCK_BYTES: usize = 64 << 20;
+
+/// Checks the sizes of all layers and of their blocks from their headers, before memory is allocated
+/// for the pixels.
 fn check_sizes(bytes: &[u8], max_pixels: usize) -> Result<(), String> {
     let headers = MetaData::read_from_buffered(Cursor::new(bytes), false)
         .map_err(|e| e.to_string())?
         .headers;
-    for size in headers.iter().map(|h| h.layer_size) {
-        if size
-            .0
-            .checked_mul(size.1)
-            .is_none_or(|pixels| pixels > max_pixels)
-        {
+    for header in &headers {
+        let Vec2(width, height) = header.layer_size;
+        let pixels = width.checked_mul(height).filter(|n| *n <= max_pixels);
+        let Some(pixels) = pixels else {
             return Err(format!(
-                "the image has {}x{} pixels; at most {max_pixels} are supported here",
-                size.0, size.1
+                "the image has {width}x{height} pixels; at most {max_pixels} are supported here"
+            ));
+        };
+        let layer = pixels.saturating_mul(header.channels.bytes_per_pixel);
+        if block_bytes(header).is_none_or(|block| block > layer.max(MAX_BLOCK_BYTES)) {
+            return Err(format!(
+                "its tiles, or the rows that it compresses together, are larger than the image and \
+                 {} MiB",
+                MAX_BLOCK_BYTES >> 20
             ));
         }
     }
     Ok(())
+}
+
+/// Returns the size of an uncompressed block of a layer in bytes, unless it exceeds the range.
+fn block_bytes(header: &Header) -> Option<usize> {
+    match header.blocks {
+        BlockDescription::Tiles(tiles) => {
+            let Vec2(width, height) = tiles.tile_size;
+            let pixels = width.checked_mul(height)?;
+            pixels.checked_mul(header.channels.bytes_per_pixel)
+        }
+        BlockDescription::ScanLines => Some(header.max_block_byte_size()),
+    }
 }
 
 /// Decodes the first layer with channels R, G and B, and returns it with all text attributes by
@@ -148,4 +173,41 @@ pub fn decode(
     });
     let texts = texts.collect();
     Ok((file.layer_data.channel_data.pixels, texts))
+}
+
+#[cfg(test)]
+mod tests {
+    use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage};
+
+    use super::*;
+
+    /// Returns a file of 3x2 pixels in tiles of 16x16.
+    fn tiled() -> Vec<u8> {
+        let encoding = Encoding {
+            blocks: exr::image::Blocks::Tiles(Vec2(16, 16)),
+            ..Encoding::FAST_LOSSLESS
+        };
+        let channels = SpecificChannels::rgb(|at: Vec2<usize>| (at.x() as f32, 0.5_f32, 0.25_f32));
+        let layer = Layer::new((3, 2), LayerAttributes::named("a"), encoding, channels);
+        let mut file = Cursor::new(Vec::new());
+        Image::from_layer(layer)
+            .write()
+            .to_buffered(&mut file)
+            .unwrap();
+        file.into_inner()
+    }
+
+    #[test]
+    fn tiles_that_are_larger_than_the_image_are_read_unless_they_are_enormous() {
+        let mut file = tiled();
+        assert_eq!(decode(&file, 6).unwrap().0.data[2], [2.0, 0.5, 0.25]);
+        let kind = b"tiledesc\0";
+        let at = file.windows(kind.len()).position(|w| w == kind).unwrap() + kind.len() + 4;
+        for place in [at, at + 4] {
+            file[place..place + 4].copy_from_slice(&u32::to_le_bytes(1 << 14));
+        }
+        let error = decode(&file, 6).unwrap_err();
+        assert!(error.contains("64 MiB"), "{error}");
+        assert_eq!(decode_channels(&file, 6, &[]).unwrap_err(), error);
+    }
 }
