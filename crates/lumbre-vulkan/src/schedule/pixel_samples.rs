@@ -26,7 +26,7 @@ pub enum PixelSamples {
     /// One after another.
     InTurn,
     /// One after another, but a camera path starts as soon as the one before it has ended, while
-    /// paths of other pixels go on [Novak, Havran, Dachsbacher 2010, *Path Regeneration for
+    /// paths of other pixels go on [Novák, Havran, Dachsbacher 2010, *Path Regeneration for
     /// Interactive Path Tracing*]. Otherwise all invocations of a group wait for its longest path.
     Regenerated,
     /// One after another, and their events are recorded.
@@ -39,12 +39,14 @@ impl PixelSamples {
     /// Returns how a job's samples are rendered on a device.
     pub fn suitable(device: &DeviceInfo, job: &Job) -> PixelSamples {
         let requested = std::env::var(VARIABLE).ok();
-        let few = pixels(job) < FEW_PIXELS && !device.software;
-        match requested.as_deref() {
-            Some("in-turn") => PixelSamples::InTurn,
-            Some("regenerated") => PixelSamples::Regenerated,
-            Some("parallel") => PixelSamples::parallel(job).unwrap_or(PixelSamples::InTurn),
-            _ if few => PixelSamples::parallel(job).unwrap_or(PixelSamples::InTurn),
+        let wanted = match requested.as_deref() {
+            Some("regenerated") => return PixelSamples::Regenerated,
+            Some("parallel") => true,
+            Some("in-turn") => false,
+            _ => pixels(job) < FEW_PIXELS && !device.software,
+        };
+        match PixelSamples::parallel(job) {
+            Some(parallel) if wanted => parallel,
             _ => PixelSamples::InTurn,
         }
     }
