@@ -18,7 +18,7 @@ use super::harness;
 use super::images::{room, state, supported_modes, technique_job};
 use crate::common::{SceneBuilder, grey};
 
-/// Fewer than the samples of a wave, so that a dispatch has several parts, and no divisor of them.
+/// Fewer samples at once than a wave has, so that it has several parts, and no divisor of them.
 const PARALLEL: PixelSamples = PixelSamples::Parallel(3);
 
 /// Samples of each wave, and number of samples announced to follow.
