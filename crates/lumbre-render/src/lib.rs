@@ -8,6 +8,11 @@
 //! No integrator is named in this crate: a [`Job`] carries a row of
 //! [`INTEGRATORS`](lumbre_light::transport::integrator::INTEGRATORS).
 
+/// The front page of `lumbre-light`, whose example is a test of this crate.
+#[cfg(doctest)]
+#[doc = include_str!("../../lumbre-light/src/front_page.md")]
+mod front_page_of_lumbre_light {}
+
 pub mod backend_choice;
 pub mod cpu;
 pub mod denoise;

@@ -259,49 +259,64 @@ pub fn dispatch<K: SimdKernel>(width: Width, kernel: K) -> K::Output {
         Vectors::PortableSixteen => kernel.run::<Pair<Pair<Pair<Pair<f32>>>>, 16>(),
         // SAFETY: a `Width` exists only if the processor has its instruction set.
         #[cfg(target_arch = "x86_64")]
-        Vectors::Avx2 => unsafe { run_avx2(kernel) },
+        Vectors::Avx2 => unsafe { kernel.run_avx2() },
         // SAFETY: as above.
         #[cfg(all(target_arch = "x86_64", any(test, feature = "every-width")))]
-        Vectors::TwoAvx2 => unsafe { run_two_avx2(kernel) },
+        Vectors::TwoAvx2 => unsafe { kernel.run_two_avx2() },
         // SAFETY: as above.
         #[cfg(target_arch = "x86_64")]
-        Vectors::Avx512 => unsafe { run_avx512(kernel) },
+        Vectors::Avx512 => unsafe { kernel.run_avx512() },
     }
 }
 
-/// Implements [`Real::outline`] for eight lanes.
+/// Kernels compiled for vector instructions. The compiler puts a method of a trait into the same
+/// unit as its type, and a generic function of this module into the one of this module: as
+/// functions, all kernels of a program would be compiled one after the other.
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-#[inline(never)]
-fn outline_avx2<K: Outlined>(computation: K) -> K::Output {
-    computation.run()
-}
+trait Compiled: SimdKernel + Sized {
+    /// Runs the kernel on 8 lanes. The processor must have AVX2, BMI1, BMI2 and LZCNT.
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+    unsafe fn run_avx2(self) -> Self::Output {
+        self.run::<x8::F32xN, 8>()
+    }
 
-/// Implements [`Real::outline`] for sixteen lanes.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,avx512f,avx512vl,avx512dq,avx512bw")]
-#[inline(never)]
-fn outline_avx512<K: Outlined>(computation: K) -> K::Output {
-    computation.run()
-}
+    /// Runs the kernel on 16 lanes, each vector in two parts, with the instructions of 8 lanes.
+    #[cfg(any(test, feature = "every-width"))]
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+    unsafe fn run_two_avx2(self) -> Self::Output {
+        self.run::<pair::Pair<x8::F32xN>, 16>()
+    }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-fn run_avx2<K: SimdKernel>(kernel: K) -> K::Output {
-    kernel.run::<x8::F32xN, 8>()
-}
-
-#[cfg(all(target_arch = "x86_64", any(test, feature = "every-width")))]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
-fn run_two_avx2<K: SimdKernel>(kernel: K) -> K::Output {
-    kernel.run::<pair::Pair<x8::F32xN>, 16>()
+    /// Runs the kernel on 16 lanes. The processor must also have AVX-512 F, VL, DQ and BW.
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,avx512f,avx512vl,avx512dq,avx512bw")]
+    unsafe fn run_avx512(self) -> Self::Output {
+        self.run::<x16::F32xN, 16>()
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,avx512f,avx512vl,avx512dq,avx512bw")]
-fn run_avx512<K: SimdKernel>(kernel: K) -> K::Output {
-    kernel.run::<x16::F32xN, 16>()
+impl<K: SimdKernel> Compiled for K {}
+
+/// Implements [`Real::outline`], as methods for the reason of [`Compiled`].
+#[cfg(target_arch = "x86_64")]
+trait CompiledApart: Outlined + Sized {
+    /// Runs the computation of eight lanes.
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+    #[inline(never)]
+    unsafe fn run_avx2(self) -> Self::Output {
+        self.run()
+    }
+
+    /// Runs the computation of sixteen lanes.
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,avx512f,avx512vl,avx512dq,avx512bw")]
+    #[inline(never)]
+    unsafe fn run_avx512(self) -> Self::Output {
+        self.run()
+    }
 }
+
+#[cfg(target_arch = "x86_64")]
+impl<K: Outlined> CompiledApart for K {}
 
 /// Applies a function to each element of an array. Unlike `array::map` it is always inlined.
 #[inline(always)]

@@ -301,7 +301,7 @@ impl Real for F32xN {
     #[inline(always)]
     fn outline<K: Outlined>(computation: K) -> K::Output {
         // SAFETY: the caller enabled the instruction set, as the module requires.
-        unsafe { super::outline_avx512(computation) }
+        unsafe { super::CompiledApart::run_avx512(computation) }
     }
 }
 

@@ -255,7 +255,7 @@ impl Real for F32xN {
     #[inline(always)]
     fn outline<K: Outlined>(computation: K) -> K::Output {
         // SAFETY: the caller enabled the instruction set, as the module requires.
-        unsafe { super::outline_avx2(computation) }
+        unsafe { super::CompiledApart::run_avx2(computation) }
     }
 }
 
