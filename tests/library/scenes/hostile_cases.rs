@@ -239,6 +239,11 @@ pub fn documents() -> Vec<Case> {
         ),
         ("a chunk of 4 GiB", vec![("a.glb", cut)], "truncated"),
         (
+            "a picture that is called .glb",
+            vec![("a.glb", b"\x89PNG\r\n\x1a\n".to_vec())],
+            "neither JSON nor a binary glTF file",
+        ),
+        (
             "an invalid data URI",
             vec![(
                 "a.gltf",

@@ -64,7 +64,7 @@ impl Document {
         let json: Json = serde_json::from_slice(text).map_err(|e| {
             malformed(
                 &format!("line {}, column {}", e.line(), e.column()),
-                format!("invalid JSON: {e}"),
+                syntax_problem(text, &e),
             )
         })?;
         let size = bytes.len() as u64;
@@ -460,6 +460,14 @@ fn percent_decoded(uri: &str) -> String {
         }
     }
     String::from_utf8_lossy(&out).into_owned()
+}
+
+/// Returns what is wrong with a document that is not JSON, or not even the beginning of it.
+fn syntax_problem(text: &[u8], error: &serde_json::Error) -> String {
+    match text.trim_ascii_start().first() {
+        Some(b'{') => format!("invalid JSON: {error}"),
+        _ => "neither JSON nor a binary glTF file, which starts with the letters `glTF`".into(),
+    }
 }
 
 #[cfg(test)]
