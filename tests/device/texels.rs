@@ -6,12 +6,14 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use lumbre_light::film::layer::LayerLayout;
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::scene::compile::{NONE, Texture};
+use lumbre_light::scene::compile::{LinearTexels, NONE, Texture};
+use lumbre_light::scene::desc::{Texels, TextureDesc};
 use lumbre_light::transport::integrator::integrator;
 use lumbre_render::{Job, RenderError};
 use lumbre_vulkan::context::{device::Device, limits::Limits, physical_device::Caps};
 use lumbre_vulkan::error::VulkanError;
 use lumbre_vulkan::layout::Specialization;
+use lumbre_vulkan::memory::texel_words::{TexelLayout, environment_map};
 use lumbre_vulkan::memory::upload::{JobBuffers, SceneBuffers};
 use lumbre_vulkan::pipelines::program::TracingMode;
 use lumbre_vulkan::pipelines::test_kernel;
@@ -29,13 +31,13 @@ fn with(device: &Device, change: impl FnOnce(&mut Limits, &mut Caps)) -> Arc<Dev
     Device::open(info, caps).unwrap()
 }
 
-/// Returns the device with a limit of this many texels per buffer.
-fn limited_to(device: &Device, texels: u64) -> Arc<Device> {
-    with(device, |limits, _| limits.texels = texels * 12)
+/// Returns the device with a limit of this many words of texels per buffer.
+fn limited_to(device: &Device, words: u64) -> Arc<Device> {
+    with(device, |limits, _| limits.texels = words * 4)
 }
 
-/// Returns a scene with textures, a mask and an environment map, with colours and second
-/// coordinates at triangle corners.
+/// Returns a scene with textures of floats and, by both curves, of bytes, a mask and an environment
+/// map, with colours and second coordinates at triangle corners.
 fn scene() -> Arc<CompiledScene> {
     let mut scene = (*scene_with_all_lights()).clone();
     let part = |i: usize, k: usize| (7 * i + 3 * k) as f32 % 10.0 / 10.0;
@@ -48,26 +50,40 @@ fn scene() -> Arc<CompiledScene> {
         .map(|i| [0, 1, 2].map(|k| Vec2::new(part(i, k), part(k, i))))
         .collect();
     scene.textures[0].lookup.second = true;
+    // Bytes in the base colours; the same ones by the other curve belong to no material.
+    let byte = |i: usize, k: usize| (37 * i + 91 * k) as u8;
+    let bytes: Vec<[u8; 4]> = (0..15).map(|i| [0, 1, 2, 3].map(|k| byte(i, k))).collect();
+    let image = TextureDesc::new("", 5, 3, Texels::Rgba8(bytes.into()));
+    let lookup = scene.textures[0].lookup;
+    let decoded = |srgb| Texture {
+        lookup,
+        ..Texture::decode(&image, srgb)
+    };
+    scene.textures[0] = decoded(true);
+    scene.textures.push(decoded(false));
     Arc::new(scene)
 }
 
-/// Returns all texels of [`scene`] in device order: textures, the environment map, colours, second
-/// coordinates.
-fn all_texels(scene: &CompiledScene) -> Vec<[f32; 3]> {
-    let maps = scene
-        .textures
-        .iter()
-        .chain(scene.environment.as_ref().and_then(|e| e.map.as_deref()));
+/// Numbers of what is no texture in `parity/texels.comp`.
+const COLORS: u32 = u32::MAX - 1;
+const SECOND_COORDINATES: u32 = u32::MAX;
+
+/// Returns the inputs of `parity/texels.comp` for all texels of [`scene`], and the texels.
+fn all_texels(scene: &CompiledScene) -> (Vec<[u32; 2]>, Vec<[f32; 3]>) {
+    let maps = scene.textures.iter().chain(environment_map(scene));
+    let maps = maps.map(|map| map.texels.iter().collect());
     let colors = scene.colors.as_flattened().iter().map(Vec3::to_array);
-    let second = scene
-        .second_uvs
-        .as_flattened()
-        .iter()
-        .map(|uv| [uv.x, uv.y, 0.0]);
-    maps.flat_map(|t| t.texels.iter().copied())
-        .chain(colors)
-        .chain(second)
-        .collect()
+    let second = scene.second_uvs.as_flattened().iter();
+    let second = second.map(|uv| [uv.x, uv.y, 0.0]);
+    let sets = (0..).zip(maps).chain([
+        (COLORS, colors.collect::<Vec<_>>()),
+        (SECOND_COORDINATES, second.collect()),
+    ]);
+    let all = sets.flat_map(|(set, texels)| {
+        let numbered = texels.into_iter().enumerate();
+        numbered.map(move |(i, texel)| ([set, i as u32], texel))
+    });
+    all.unzip()
 }
 
 #[test]
@@ -80,29 +96,26 @@ fn shaders_find_every_texel_in_blocks_of_every_size() {
         return;
     }
     let (scene, job) = (scene(), job([8, 8], 2, 1));
-    let expected: Vec<u32> = all_texels(&scene)
-        .as_flattened()
-        .iter()
-        .map(|x| x.to_bits())
-        .collect();
-    let count = expected.len() as u64 / 3;
-    // Blocks of two texels; of eight, the last one partial; the fewest blocks possible; and one
-    // buffer that just holds all texels.
+    let (inputs, texels) = all_texels(&scene);
+    let bits = |x: &f32| x.to_bits();
+    let expected: Vec<u32> = texels.as_flattened().iter().map(bits).collect();
+    let count = TexelLayout::new(&scene).count;
+    // Blocks of four words, of sixteen, the last one partial; the fewest blocks possible; and one
+    // buffer that just holds all words.
     for (limit, shift) in [
-        (3, Some(1)),
-        (15, Some(3)),
+        (7, Some(2)),
+        (31, Some(4)),
         (count - 1, Some((count - 1).ilog2())),
         (count, None),
     ] {
         let device = limited_to(&device, limit);
         let buffers = SceneBuffers::new(&device, &scene).unwrap();
-        assert_eq!(buffers.texel_shift(), shift, "{limit} texels");
+        assert_eq!(buffers.texel_shift(), shift, "{limit} words");
         let rest = JobBuffers::new(&device, &scene, &job, &LayerLayout::default()).unwrap();
         let constants = Specialization {
             texel_shift: shift.unwrap_or(NONE),
             ..Specialization::default()
         };
-        let inputs: Vec<u32> = (0..count as u32).collect();
         let generation = device
             .info
             .caps
@@ -116,11 +129,11 @@ fn shaders_find_every_texel_in_blocks_of_every_size() {
                 &device,
                 (&buffers, &rest),
                 (kernel, &constants),
-                &inputs,
-                [1, 3],
+                inputs.as_flattened(),
+                [2, 3],
             )
             .unwrap();
-            assert!(found == expected, "{limit} texels, {:?}", kernel.0);
+            assert!(found == expected, "{limit} words, {:?}", kernel.0);
         }
     }
     harness::assert_no_validation_messages();
@@ -135,7 +148,7 @@ fn a_scene_with_texels_in_blocks_is_the_same_in_every_tracing_mode() {
         println!("SKIPPED: {} has no extended shaders", device.info.line());
         return;
     }
-    let (scene, blocks) = (scene(), limited_to(&device, 5));
+    let (scene, blocks) = (scene(), limited_to(&device, 15));
     let with = |name: &str| Job {
         integrator: integrator(name).unwrap(),
         ..job([48, 27], 4, 8)
@@ -160,6 +173,40 @@ fn a_scene_with_texels_in_blocks_is_the_same_in_every_tracing_mode() {
             &found,
             &expected,
         );
+    }
+    harness::assert_no_validation_messages();
+}
+
+/// Returns a scene with floats instead of all texels of bytes.
+fn with_floats(scene: &CompiledScene) -> Arc<CompiledScene> {
+    let mut scene = scene.clone();
+    for texture in &mut scene.textures {
+        texture.texels = LinearTexels::Floats(texture.texels.iter().collect());
+    }
+    Arc::new(scene)
+}
+
+#[test]
+fn texels_of_bytes_have_the_bits_of_floats() {
+    let Some(device) = harness::device() else {
+        return;
+    };
+    let both = scene();
+    let mut bytes = (*both).clone();
+    bytes.textures[1] = bytes.textures[2].clone();
+    let kind = harness::fastest_to_compile(&device);
+    let job = Job {
+        integrator: integrator("nee").unwrap(),
+        ..job([48, 27], 4, 8)
+    };
+    for (name, scene) in [("bytes and floats", both), ("bytes", Arc::new(bytes))] {
+        let found = render(&device, kind, &scene, &job, 4);
+        let floats = render(&device, kind, &with_floats(&scene), &job, 4);
+        assert!(
+            found == floats,
+            "{name}: the bits differ from those of floats"
+        );
+        compare(name, &found, &common::render(&scene, job.clone(), 4));
     }
     harness::assert_no_validation_messages();
 }
@@ -211,8 +258,8 @@ fn texels_that_do_not_fit_are_refused_with_both_sizes() {
         let blocks = SceneBuffers::new(&with(&device, |limits, _| narrow(limits)), &scene).unwrap();
         assert_eq!(
             blocks.texel_shift(),
-            Some(16),
-            "64 Ki texels of twelve bytes in a MiB"
+            Some(18),
+            "256 Ki words of four bytes in a MiB"
         );
     }
     harness::assert_no_validation_messages();

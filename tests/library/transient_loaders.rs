@@ -120,7 +120,7 @@ fn lua_scenes_define_delays_and_composed_materials_by_keys() {
     let texture = desc.materials[0].texture(TextureSlot::DelayRate).unwrap();
     assert_eq!(texture.width, 4);
     // Texels of data are not decoded: u of the last column is 7/8.
-    let texel = scene.textures[a.params[0].texture as usize].texels[3][0];
+    let texel = scene.textures[a.params[0].texture as usize].texels.at(3)[0];
     assert!((texel - 0.875).abs() < 3e-3, "{texel}");
     assert!((b.table.as_ref().unwrap().mean() - 2.0 / 3.0).abs() < 1e-6);
     // Without an offset the rate is zero where the texture is black.

@@ -19,27 +19,51 @@ layout(set = 0, binding = 3, scalar) restrict readonly buffer TangentRows { Tang
 layout(set = 0, binding = 4, scalar) restrict readonly buffer Spheres { Sphere spheres[]; };
 layout(set = 0, binding = 5, scalar) restrict readonly buffer Materials { Material materials[]; };
 layout(set = 0, binding = 6, scalar) restrict readonly buffer Textures { Texture textures[]; };
-layout(set = 0, binding = 7, scalar) restrict readonly buffer Texels { vec3 texels[]; };
+layout(set = 0, binding = 7, scalar) restrict readonly buffer Texels { uint texels[]; };
 #ifdef EXTENDED
-// Texels that exceed the maximum size of a buffer are stored in blocks of 2^TEXEL_SHIFT, whose
+// Texels that exceed the maximum size of a buffer are stored in blocks of 2^TEXEL_SHIFT words, whose
 // addresses are bound. Switching between bound blocks would add a branch for every texel, which is
 // expensive on devices and in compilation.
 #extension GL_EXT_buffer_reference_uvec2 : require
 layout(buffer_reference, scalar, buffer_reference_align = 4) restrict readonly buffer TexelBlock {
-    vec3 rows[];
+    uint words[];
 };
 layout(set = 0, binding = 7, scalar) restrict readonly buffer TexelBlocks { uvec2 texel_blocks[]; };
 #endif
 
-// Returns the texel of this index, in one buffer or in blocks.
-vec3 texel_at(uint index) {
+// Returns the word of texels with this index, in one buffer or in blocks.
+uint texel_word(uint index) {
 #ifdef EXTENDED
     if (TEXEL_SHIFT != NONE) {
-        uint row = index & ((1u << TEXEL_SHIFT) - 1u);
-        return TexelBlock(texel_blocks[index >> TEXEL_SHIFT]).rows[row];
+        uint word = index & ((1u << TEXEL_SHIFT) - 1u);
+        return TexelBlock(texel_blocks[index >> TEXEL_SHIFT]).words[word];
     }
 #endif
     return texels[index];
+}
+
+// Returns texel number `i` of those of floats from word `first` on.
+vec3 float_texel(uint first, uint i) {
+    uint word = first + 3u * i;
+    return uintBitsToFloat(
+        uvec3(texel_word(word), texel_word(word + 1u), texel_word(word + 2u))
+    );
+}
+
+// Returns texel number `i` of those of bytes from word `first` on, by the table of their values from
+// word `table` on.
+vec3 byte_texel(uint first, uint i, uint table) {
+    uint bytes = texel_word(first + i);
+    uvec3 at = table + ((uvec3(bytes) >> uvec3(0u, 8u, 16u)) & 255u);
+    return uintBitsToFloat(uvec3(texel_word(at.x), texel_word(at.y), texel_word(at.z)));
+}
+
+// Returns texel number `i` of a texture.
+vec3 texture_texel(Texture t, uint i) {
+    if (BYTE_TEXELS && (!FLOAT_TEXELS || t.table != NONE)) {
+        return byte_texel(t.first, i, t.table);
+    }
+    return float_texel(t.first, i);
 }
 
 layout(set = 0, binding = 8, scalar) restrict readonly buffer Emitters { Emitter emitters[]; };

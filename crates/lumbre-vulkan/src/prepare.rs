@@ -11,7 +11,7 @@ use super::schedule::pixel_samples::PixelSamples;
 use lumbre_light::film::layer::LayerLayout;
 use lumbre_light::film::time;
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::scene::compile::{MAX_FLATTENED_PRIMITIVES, Material, NONE};
+use lumbre_light::scene::compile::{LinearTexels, MAX_FLATTENED_PRIMITIVES, Material, NONE};
 use lumbre_light::transport::integrator::settings::{Settings, has_uniform_directions};
 use lumbre_light::transport::light::LightSelection;
 use lumbre_light::transport::sampler::Sequence;
@@ -99,6 +99,9 @@ pub fn specialization(
     let composed = is_composed(scene) || (job.timing.is_some() && !scene.delays.is_empty());
     let stores_vertices = job.integrator.splats;
     let any = |has: fn(&Material) -> bool| u32::from(scene.materials.iter().any(has));
+    let any_texels = |are: fn(&LinearTexels) -> bool| {
+        u32::from(scene.textures.iter().any(|texture| are(&texture.texels)))
+    };
     let only_surfaces =
         scene.points.is_empty() && scene.directionals.is_empty() && scene.environment.is_none();
     Specialization {
@@ -121,6 +124,8 @@ pub fn specialization(
         times: u32::from(job.timing.is_some()),
         instances: u32::from(!scene.instances.placements.is_empty()),
         textures: any(has_texture),
+        byte_texels: any_texels(|texels| matches!(texels, LinearTexels::Bytes(..))),
+        float_texels: any_texels(|texels| matches!(texels, LinearTexels::Floats(_))),
         masks: any(|m| m.mask_texture != NONE),
         tangents: any(Material::uses_tangents),
         bumps: any(|m| m.bump_texture != NONE),

@@ -316,7 +316,8 @@ fn paint(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, Script
         Texels::RgbaF32(texels)
     } else {
         let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
-        Texels::Rgba8(texels.into_iter().map(|t| t.map(byte)).collect())
+        let bytes: Vec<[u8; 4]> = texels.into_iter().map(|t| t.map(byte)).collect();
+        Texels::Rgba8(bytes.into())
     };
     create_object(
         shared,

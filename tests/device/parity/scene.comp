@@ -16,8 +16,8 @@ void twin() {
     out_float(last.tiling_scale);
     out_word(last.normal_texture);
     out_word(last.emitter_reflects);
-    out_vec3(texel_at(textures[0].first + 1));
-    out_vec3(texel_at(textures[job.environment_texture].first + 2));
+    out_vec3(texture_texel(textures[0], 1u));
+    out_vec3(float_texel(textures[job.environment_texture].first, 2u));
     out_float(emitters[1].area);
     out_vec3(points[0].position);
     out_vec3(directionals[0].direction);

@@ -71,7 +71,7 @@ const SCENE: Twin = Twin {
         row.push_floats([last.ior, last.tiling.scale]);
         row.push(last.normal_texture);
         row.push(u32::from(last.emitter_reflects));
-        row.push_floats(scene.textures[0].texels[1]);
+        row.push_floats(scene.textures[0].texels.at(1));
         row.push_floats(
             scene
                 .environment
@@ -80,7 +80,8 @@ const SCENE: Twin = Twin {
                 .map
                 .as_ref()
                 .unwrap()
-                .texels[2],
+                .texels
+                .at(2),
         );
         row.push_floats([scene.emitters[1].area]);
         row.push_floats(scene.points[0].position.to_array());

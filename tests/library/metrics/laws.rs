@@ -138,7 +138,8 @@ fn images_of_different_sizes_are_an_error() {
 
 #[test]
 fn error_maps_of_equal_images_are_zero_and_the_mean_of_a_map_is_the_metric() {
-    let mut found = 0;
+    // Maps of a root, of windows at pixels, and of an excess: their means are not the metric.
+    let others = ["rmse", "ssim", "fireflies"];
     for row in METRICS.iter().filter(|row| row.map.is_some()) {
         let spec = spec(row);
         let perfect = spec.error_map(&scene(), &scene()).unwrap();
@@ -157,19 +158,15 @@ fn error_maps_of_equal_images_are_zero_and_the_mean_of_a_map_is_the_metric() {
             "{}",
             row.name
         );
-        if ["mse", "mae", "relmse", "bias", "flip", "hdr_flip"].contains(&row.name) {
-            let mean =
-                map.values.iter().map(|v| f64::from(*v)).sum::<f64>() / map.values.len() as f64;
-            let value = spec.eval(&noisy(0.2), &scene()).unwrap();
-            assert!(
-                (mean - value).abs() < 1e-6 * value.abs().max(1e-3),
-                "{}: {mean} {value}",
-                row.name
-            );
-            found += 1;
-        }
+        let mean = map.values.iter().map(|v| f64::from(*v)).sum::<f64>() / map.values.len() as f64;
+        let value = spec.eval(&noisy(0.2), &scene()).unwrap();
+        let equal = (mean - value).abs() < 1e-6 * value.abs().max(1e-3);
+        assert!(
+            equal || others.contains(&row.name),
+            "{}: {mean} {value}",
+            row.name
+        );
     }
-    assert_eq!(found, 6);
 }
 
 #[test]

@@ -98,7 +98,7 @@ fn texture(name: &str, texels: Texels) -> Arc<TextureDesc> {
 }
 
 pub(super) fn stored(texels: [[u8; 4]; 4]) -> Arc<TextureDesc> {
-    texture("stored.png", Texels::Rgba8(texels.to_vec()))
+    texture("stored.png", Texels::Rgba8(texels.to_vec().into()))
 }
 
 /// Returns a room with one wall of each material, lit by every kind of light.
@@ -467,7 +467,10 @@ fn equal_scenes_export_equal_bytes_and_foreign_folders_are_not_replaced() {
 
 #[test]
 fn no_name_in_a_scene_writes_outside_the_folder() {
-    let picture = texture("../../t.png", Texels::Rgba8(vec![[9, 99, 199, 255]; 4]));
+    let picture = texture(
+        "../../t.png",
+        Texels::Rgba8(vec![[9, 99, 199, 255]; 4].into()),
+    );
     let mut desc = gallery(vec![material("../../m", |m| {
         m.set_texture(TextureSlot::BaseColor, Some(picture))
     })]);

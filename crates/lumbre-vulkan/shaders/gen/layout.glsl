@@ -159,9 +159,10 @@ struct Knot {
     uvec2 below; // Probability of smaller delays.
 };
 
-// Texture: texels `[y][x]` from `texel_at(first)`, linear, origin at the top left.
+// Texture: texels `[y][x]` from word `first` on, origin at the top left.
 struct Texture {
-    uint first; // Index of the first texel.
+    uint first; // Index of the first word of the texels.
+    uint table; // If a texel is a word, of four bytes, the index of the first of 256 linear values that a byte means; NONE if a texel is three words, which are linear floats.
     uint width; // Width in texels.
     uint height; // Height in texels.
     uvec2 wrap; // Wrap mode along u and v: WRAP_REPEAT and so on.
@@ -274,8 +275,8 @@ struct JobParams {
     uint triangle_count; // Number of triangles: primitive indices from here on are spheres.
     uint sphere_count; // Number of spheres.
     uint has_tangents; // 1 if `tangents` has a row for every triangle, else 0.
-    uint first_color; // First of three texels for each triangle that multiply base colours at its corners, or NONE.
-    uint first_second_uv; // First of three texels for each triangle that hold its second texture coordinates, or NONE.
+    uint first_color; // First word of three texels of floats for each triangle that multiply base colours at its corners, or NONE.
+    uint first_second_uv; // First word of three texels of floats for each triangle that hold its second texture coordinates, or NONE.
     uint light_count; // Number of lights.
     uvec3 light_first; // Indices of the first point light, directional light and environment among the lights.
     uint alias_shift; // Binary logarithm of the steps of a column in `light_choices`; NONE if there is nothing to select.

@@ -120,9 +120,9 @@ vec3 texture_filtered(uint index, vec2 place) {
         x = containing(x, f.x);
         y = containing(y, f.y);
     }
-    uvec2 rows = t.first + y * t.width;
-    vec3 upper = mix(texel_at(rows.x + x.x), texel_at(rows.x + x.y), f.x);
-    vec3 lower = mix(texel_at(rows.y + x.x), texel_at(rows.y + x.y), f.x);
+    uvec2 rows = y * t.width;
+    vec3 upper = mix(texture_texel(t, rows.x + x.x), texture_texel(t, rows.x + x.y), f.x);
+    vec3 lower = mix(texture_texel(t, rows.y + x.x), texture_texel(t, rows.y + x.y), f.x);
     return mix(upper, lower, f.y);
 }
 
@@ -157,9 +157,9 @@ Uv triangle_uv(uint primitive, vec2 at) {
     if (!SECOND_UVS) {
         return uv_of(own);
     }
-    uint first = job.first_second_uv + 3u * primitive;
-    vec3 second = texel_at(first) * (1.0 - at.x - at.y) + texel_at(first + 1u) * at.x
-        + texel_at(first + 2u) * at.y;
+    uint first = job.first_second_uv, a_corner = 3u * primitive;
+    vec3 second = float_texel(first, a_corner) * (1.0 - at.x - at.y)
+        + float_texel(first, a_corner + 1u) * at.x + float_texel(first, a_corner + 2u) * at.y;
     return Uv(own, second.xy);
 }
 
@@ -276,11 +276,11 @@ void surface_emboss(inout Surface s, Face face, Hit hit, vec3 smooth_normal) {
         second = corners.c - corners.a;
         rises = vec2(dot(slopes, a.tb - a.ta), dot(slopes, a.tc - a.ta));
         if (SECOND_UVS && textures[bump_map].second != 0u) {
-            uint row = job.first_second_uv + 3u * hit.primitive;
-            vec2 corner = texel_at(row).xy;
+            uint first = job.first_second_uv, a_corner = 3u * hit.primitive;
+            vec2 uv = float_texel(first, a_corner).xy;
             rises = vec2(
-                dot(slopes, texel_at(row + 1u).xy - corner),
-                dot(slopes, texel_at(row + 2u).xy - corner)
+                dot(slopes, float_texel(first, a_corner + 1u).xy - uv),
+                dot(slopes, float_texel(first, a_corner + 2u).xy - uv)
             );
         }
     } else {
@@ -340,9 +340,9 @@ vec3 tint_at(uint primitive, vec2 uv) {
     if (job.first_color == NONE) {
         return vec3(1.0);
     }
-    uint first = job.first_color + 3u * primitive;
-    return texel_at(first) * (1.0 - uv.x - uv.y) + texel_at(first + 1u) * uv.x
-        + texel_at(first + 2u) * uv.y;
+    uint first = job.first_color, a_corner = 3u * primitive;
+    return float_texel(first, a_corner) * (1.0 - uv.x - uv.y)
+        + float_texel(first, a_corner + 1u) * uv.x + float_texel(first, a_corner + 2u) * uv.y;
 }
 
 // Builds the surface at a hit of `ray` with the given material row.

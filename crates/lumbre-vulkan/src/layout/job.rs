@@ -80,11 +80,11 @@ super::gpu_structs! {
         sphere_count: u32,
         /// 1 if `tangents` has a row for every triangle, else 0.
         has_tangents: u32,
-        /// First of three texels for each triangle that multiply base colours at its corners, or
-        /// NONE.
+        /// First word of three texels of floats for each triangle that multiply base colours at its
+        /// corners, or NONE.
         first_color: u32,
-        /// First of three texels for each triangle that hold its second texture coordinates, or
-        /// NONE.
+        /// First word of three texels of floats for each triangle that hold its second texture
+        /// coordinates, or NONE.
         first_second_uv: u32,
         /// Number of lights.
         light_count: u32,

@@ -184,10 +184,13 @@ super::gpu_structs! {
         below: [u32; 2],
     }
 
-    /// Texture: texels `[y][x]` from `texel_at(first)`, linear, origin at the top left.
+    /// Texture: texels `[y][x]` from word `first` on, origin at the top left.
     pub struct Texture {
-        /// Index of the first texel.
+        /// Index of the first word of the texels.
         first: u32,
+        /// If a texel is a word, of four bytes, the index of the first of 256 linear values that a
+        /// byte means; NONE if a texel is three words, which are linear floats.
+        table: u32,
         /// Width in texels.
         width: u32,
         /// Height in texels.

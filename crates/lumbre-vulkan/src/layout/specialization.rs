@@ -64,7 +64,7 @@ specialization! {
     parts: "PARTS" "bool" false = 0,
     /// Whether a mesh has a second set of texture coordinates.
     second_uvs: "SECOND_UVS" "bool" false = 0,
-    /// Binary logarithm of the number of texels of a block; NONE if all are in one buffer.
+    /// Binary logarithm of the number of words of a block of texels; NONE if all are in one buffer.
     texel_shift: "TEXEL_SHIFT" "uint" true = NONE,
     /// Whether the film has a time axis.
     times: "TIMES" "bool" true = 0,
@@ -72,6 +72,10 @@ specialization! {
     instances: "INSTANCES" "bool" true = 0,
     /// Whether a parameter of a material, such as its base colour, has a texture.
     textures: "TEXTURES" "bool" false = 1,
+    /// Whether a texture has texels of bytes.
+    byte_texels: "BYTE_TEXELS" "bool" false = 1,
+    /// Whether a texture has texels of floats.
+    float_texels: "FLOAT_TEXELS" "bool" false = 1,
     /// Whether a material has a mask.
     masks: "MASKS" "bool" false = 1,
     /// Whether shading needs tangents: for a normal map or for stretched highlights.

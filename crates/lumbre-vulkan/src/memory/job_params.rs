@@ -2,7 +2,7 @@
 
 use super::delay_tables::double_words;
 use super::light_paths;
-use super::upload::layout_textures;
+use super::texel_words::TexelLayout;
 use crate::layout;
 use lumbre_light::film::layer::{Layer, LayerLayout};
 use lumbre_light::film::time::TimeFilter;
@@ -75,7 +75,7 @@ fn camera_params(scene: &CompiledScene, job: &lumbre_render::Job) -> layout::Job
 
 /// Adds the numbers of primitives and the texel ranges of triangle corners.
 fn geometry_params(params: layout::JobParams, scene: &CompiledScene) -> layout::JobParams {
-    let texel_count = layout_textures(scene).1 as u32;
+    let texels = TexelLayout::new(scene);
     layout::JobParams {
         triangle_count: scene.triangles.len() as u32,
         sphere_count: scene.spheres.len() as u32,
@@ -83,11 +83,11 @@ fn geometry_params(params: layout::JobParams, scene: &CompiledScene) -> layout::
         first_color: if scene.colors.is_empty() {
             NONE
         } else {
-            texel_count
+            texels.colors as u32
         },
         first_second_uv: match scene.second_uvs.is_empty() {
             true => NONE,
-            false => texel_count + scene.colors.as_flattened().len() as u32,
+            false => texels.second_uvs as u32,
         },
         ..params
     }

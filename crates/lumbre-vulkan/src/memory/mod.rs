@@ -8,4 +8,5 @@ pub mod delay_tables;
 mod job_params;
 pub mod light_paths;
 pub mod texel_blocks;
+pub mod texel_words;
 pub mod upload;

@@ -9,36 +9,36 @@ use super::buffer::{Buffer, check_size};
 use crate::context::device::Device;
 use crate::error::VulkanError;
 
-/// Size of a texel in bytes: three floats.
-const BYTES: u64 = size_of::<[f32; 3]>() as u64;
+/// Size of a word in bytes.
+const BYTES: u64 = size_of::<u32>() as u64;
 
 /// Maximum size of a block in bytes, which every device can allocate at once
 /// (`maxMemoryAllocationSize` is at least 1 GiB).
 const MAX_BLOCK_BYTES: u64 = 1 << 30;
 
-/// Maximum number of texels, which are counted in 32 bits.
-const MAX_TEXELS: u64 = 1 << 32;
+/// Maximum number of words, which are counted in 32 bits.
+const MAX_WORDS: u64 = 1 << 32;
 
-/// Texels of a scene on a device.
+/// Words of the texels of a scene on a device.
 pub struct Texels {
-    /// Buffer to bind: the texels, or the addresses of their blocks.
+    /// Buffer to bind: the words, or the addresses of their blocks.
     pub bound: Buffer,
     _blocks: Vec<Buffer>,
-    /// Binary logarithm of the number of texels of a block; `None` if there is one buffer. Shaders
+    /// Binary logarithm of the number of words of a block; `None` if there is one buffer. Shaders
     /// know it as `TEXEL_SHIFT`.
     pub shift: Option<u32>,
 }
 
 impl Texels {
-    /// Copies texels to a device.
+    /// Copies the words of texels to a device.
     ///
     /// # Errors
     /// Returns an error if they exceed the device's memory, or the size of a storage buffer on
     /// devices without what blocks need.
-    pub fn new(device: &Arc<Device>, texels: &[[f32; 3]]) -> Result<Texels, VulkanError> {
-        let (needed, limits) = (texels.len() as u64 * BYTES, &device.info.limits);
+    pub fn new(device: &Arc<Device>, words: &[u32]) -> Result<Texels, VulkanError> {
+        let (needed, limits) = (words.len() as u64 * BYTES, &device.info.limits);
         if needed <= limits.texels || !device.info.caps.extended() {
-            let bound = Buffer::with(device, "texels", texels, vk::BufferUsageFlags::empty())?;
+            let bound = Buffer::with(device, "texels", words, vk::BufferUsageFlags::empty())?;
             return Ok(Texels {
                 bound,
                 _blocks: Vec::new(),
@@ -61,7 +61,7 @@ impl Texels {
                 vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS,
             )
         };
-        let blocks: Vec<Buffer> = texels
+        let blocks: Vec<Buffer> = words
             .chunks(1 << shift)
             .map(create_block)
             .collect::<Result<_, _>>()?;
@@ -79,17 +79,17 @@ impl Texels {
         })
     }
 
-    /// Returns an error if there are more texels than a device can index.
+    /// Returns an error if there are more words of texels than a device can index.
     ///
     /// # Errors
     /// Returns an error if there are more than 2^32.
     pub fn check_count(device: &Device, count: u64) -> Result<(), VulkanError> {
-        let remedy = "shaders index texels with 32 bits; use smaller textures";
+        let remedy = "shaders index the words of texels with 32 bits; use smaller textures";
         check_size(
             device,
             "texels",
             count.saturating_mul(BYTES),
-            MAX_TEXELS * BYTES,
+            MAX_WORDS * BYTES,
             remedy,
         )
     }

@@ -1,6 +1,5 @@
 //! Converts a compiled scene and a job to the buffers of `shaders/scene.glsl`.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use ash::vk;
@@ -10,6 +9,7 @@ use super::buffer::Buffer;
 use super::delay_tables::{DelayRows, double_words};
 use super::job_params::job_params;
 use super::texel_blocks::Texels;
+use super::texel_words::{Place, TexelLayout, environment_map};
 use crate::context::device::Device;
 use crate::error::VulkanError;
 use crate::layout;
@@ -85,7 +85,9 @@ impl SceneBuffers {
         } else {
             plain
         };
-        let (textures, texels) = textures(device, scene)?;
+        let layout = TexelLayout::new(scene);
+        Texels::check_count(device, layout.count)?;
+        let textures = textures(scene, &layout);
         let tangents: Vec<layout::Tangents> = scene.tangents.iter().map(tangents).collect();
         let attributes: Vec<layout::TriangleAttributes> =
             scene.attributes.iter().map(attributes).collect();
@@ -113,7 +115,7 @@ impl SceneBuffers {
                 Buffer::with(device, "materials", &materials, plain)?,
                 Buffer::with(device, "textures", &textures, plain)?,
             ],
-            texels: Texels::new(device, &texels)?,
+            texels: Texels::new(device, &layout.words(scene))?,
             lights: [
                 Buffer::with(device, "emitters", &emitters, plain)?,
                 Buffer::with(device, "point lights", &points, plain)?,
@@ -126,7 +128,7 @@ impl SceneBuffers {
         })
     }
 
-    /// Returns the binary logarithm of the number of texels of a block if texels are stored in
+    /// Returns the binary logarithm of the number of words of a block if texels are stored in
     /// blocks; the specialisation constant `TEXEL_SHIFT`.
     pub fn texel_shift(&self) -> Option<u32> {
         self.texels.shift
@@ -337,38 +339,13 @@ fn material(m: &compile::Material) -> layout::Material {
     }
 }
 
-fn environment_map(scene: &CompiledScene) -> Option<&compile::Texture> {
-    scene.environment.as_ref().and_then(|e| e.map.as_deref())
-}
-
-/// Returns all textures, the environment's map last, each with the index of its first texel, and
-/// the number of texels. Textures may share texels, which are stored once.
-pub(super) fn layout_textures(scene: &CompiledScene) -> (Vec<(&compile::Texture, u64)>, u64) {
-    let (mut known, mut rows, mut end) = (BTreeMap::new(), Vec::new(), 0);
-    for t in scene.textures.iter().chain(environment_map(scene)) {
-        let first = *known
-            .entry(Arc::as_ptr(&t.texels).cast::<()>())
-            .or_insert(end);
-        end = end.max(first + t.texels.len() as u64);
-        rows.push((t, first));
-    }
-    (rows, end)
-}
-
-/// Returns textures and their texels, followed by the data at triangle corners: colours, and second
-/// texture coordinates.
-fn textures(
-    device: &Device,
-    scene: &CompiledScene,
-) -> Result<(Vec<layout::Texture>, Vec<[f32; 3]>), VulkanError> {
-    let (textures, texel_count) = layout_textures(scene);
-    let corners = scene.colors.as_flattened().len() + scene.second_uvs.as_flattened().len();
-    Texels::check_count(device, texel_count + corners as u64)?;
-    let (mut rows, mut texels) = (Vec::new(), Vec::new());
-    for (t, first) in textures {
+/// Returns the rows of all textures, the environment map's last.
+fn textures(scene: &CompiledScene, layout: &TexelLayout) -> Vec<layout::Texture> {
+    let row = |(t, place): (&compile::Texture, &Place)| {
         let map = t.lookup.map.unwrap_or_default();
-        rows.push(layout::Texture {
-            first: first as u32,
+        layout::Texture {
+            first: place.first as u32,
+            table: place.table.map_or(NONE, |first| first as u32),
             width: t.width,
             height: t.height,
             wrap: t.lookup.wrap.map(|wrap| wrap as u32),
@@ -378,20 +355,10 @@ fn textures(
             map_u: map.matrix2.x_axis.into(),
             map_v: map.matrix2.y_axis.into(),
             map_origin: map.translation.into(),
-        });
-        if first == texels.len() as u64 {
-            texels.extend_from_slice(&t.texels);
         }
-    }
-    texels.extend(scene.colors.as_flattened().iter().map(Vec3::to_array));
-    texels.extend(
-        scene
-            .second_uvs
-            .as_flattened()
-            .iter()
-            .map(|uv| [uv.x, uv.y, 0.0]),
-    );
-    Ok((rows, texels))
+    };
+    let all = scene.textures.iter().chain(environment_map(scene));
+    all.zip(&layout.places).map(row).collect()
 }
 
 /// Returns for each film its index among those that receive splats, or NONE.

@@ -262,7 +262,7 @@ fn compile_environment(
         }
         EnvironmentSource::Map(texture) => {
             let map = decode_map(texture, notes);
-            let black = map.texels.as_flattened().iter().all(|x| *x == 0.0);
+            let black = map.texels.iter().all(|texel| texel == [0.0; 3]);
             (
                 Some(Arc::new(map)),
                 if black { Vec3::ZERO } else { Vec3::ONE },
@@ -330,7 +330,8 @@ fn check_color(key: &str, color: Vec3) -> Result<(), String> {
 /// Replaces invalid radiances by black; returns their number.
 fn repair(map: &mut Texture) -> usize {
     let mut repaired = 0;
-    for x in Arc::make_mut(&mut map.texels)
+    let floats = map.texels.floats_mut().unwrap_or_default();
+    for x in floats
         .as_flattened_mut()
         .iter_mut()
         .filter(|x| !(x.is_finite() && **x >= 0.0))
@@ -470,7 +471,7 @@ mod tests {
             .unwrap()
             .environment
             .unwrap();
-        assert_eq!(e.map.unwrap().texels[0], [2.0, 0.0, 0.0]);
+        assert_eq!(e.map.unwrap().texels.at(0), [2.0, 0.0, 0.0]);
         assert_eq!(e.radiance, Vec3::splat(3.0));
         assert!((e.rotation_rad - 10f32.to_radians()).abs() < 1e-6);
         assert!(

@@ -1,7 +1,6 @@
 //! Compiled materials and the textures they share.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use glam::Vec3;
 
@@ -280,7 +279,8 @@ fn clamp(texture: &mut Texture, [below, above]: [bool; 2]) -> bool {
         if above { 1.0 } else { f32::INFINITY },
     );
     let mut changed = false;
-    for x in Arc::make_mut(&mut texture.texels).as_flattened_mut() {
+    let floats = texture.texels.floats_mut().unwrap_or_default();
+    for x in floats.as_flattened_mut() {
         let inside = x.clamp(low, high);
         changed |= inside != *x;
         *x = inside;
@@ -291,6 +291,7 @@ fn clamp(texture: &mut Texture, [below, above]: [bool; 2]) -> bool {
 #[cfg(test)]
 mod tests {
     use std::path::PathBuf;
+    use std::sync::Arc;
 
     use super::*;
     use crate::scene::desc::{CameraDesc, texture_hash};
@@ -359,7 +360,7 @@ mod tests {
 
     #[test]
     fn data_textures_are_linear_and_share_their_texels() {
-        let grey = || texture(Texels::Rgba8(vec![[128, 128, 128, 255]]));
+        let grey = || texture(Texels::Rgba8(vec![[128, 128, 128, 255]].into()));
         let mut m = MaterialDesc {
             anisotropic: 0.5,
             ..MaterialDesc::new("m")
@@ -373,7 +374,7 @@ mod tests {
         ];
         let (rows, textures, _) = compiled(vec![m]);
         assert_eq!(textures.len(), 1);
-        assert_eq!(textures[0].texels[0], [128.0 / 255.0; 3]);
+        assert_eq!(textures[0].texels.at(0), [128.0 / 255.0; 3]);
         let r = rows[0];
         let used = [
             r.roughness_texture,
@@ -409,7 +410,7 @@ mod tests {
 
     #[test]
     fn a_file_in_two_slots_is_decoded_for_each() {
-        let grey = || texture(Texels::Rgba8(vec![[128, 128, 128, 255]]));
+        let grey = || texture(Texels::Rgba8(vec![[128, 128, 128, 255]].into()));
         let mut a = MaterialDesc::new("a");
         a.textures = vec![
             (TextureSlot::BaseColor, grey()),
@@ -426,10 +427,10 @@ mod tests {
         let (rows, textures, notes) = compiled(vec![a, b]);
         assert_eq!(textures.len(), 2);
         assert!(
-            (textures[rows[0].base_color_texture as usize].texels[0][0] - 0.215_86).abs() < 1e-4
+            (textures[rows[0].base_color_texture as usize].texels.at(0)[0] - 0.215_86).abs() < 1e-4
         );
         assert_eq!(
-            textures[rows[0].mask_texture as usize].texels[0][0],
+            textures[rows[0].mask_texture as usize].texels.at(0)[0],
             128.0 / 255.0
         );
         assert_eq!(rows[1].emission_texture, rows[0].base_color_texture);
@@ -453,11 +454,11 @@ mod tests {
         ];
         let (rows, textures, notes) = compiled(vec![m]);
         assert_eq!(
-            textures[rows[0].base_color_texture as usize].texels[0],
+            textures[rows[0].base_color_texture as usize].texels.at(0),
             [1.0, 0.5, 0.0]
         );
         assert_eq!(
-            textures[rows[0].emission_texture as usize].texels[0],
+            textures[rows[0].emission_texture as usize].texels.at(0),
             [4.0, 0.5, 0.0]
         );
         assert_eq!(notes.len(), 1);
@@ -475,7 +476,7 @@ mod tests {
         )];
         let (rows, textures, notes) = compiled(vec![m]);
         assert_eq!(
-            textures[rows[0].emission_texture as usize].texels[0],
+            textures[rows[0].emission_texture as usize].texels.at(0),
             [4.0, 0.0, 0.0]
         );
         assert!(

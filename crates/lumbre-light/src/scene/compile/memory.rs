@@ -1,7 +1,5 @@
 //! Memory of a compiled scene by content.
 
-use std::sync::Arc;
-
 use serde::{Deserialize, Serialize};
 
 use super::{CompiledScene, Texture};
@@ -30,13 +28,12 @@ impl CompiledScene {
             .environment
             .as_ref()
             .and_then(|environment| environment.map.as_deref());
-        let mut seen: Vec<*const [f32; 3]> = Vec::new();
+        let mut seen: Vec<usize> = Vec::new();
         let mut texels = 0;
         for Texture { texels: own, .. } in self.textures.iter().chain(map) {
-            let start = Arc::as_ptr(own).cast();
-            if !seen.contains(&start) {
-                seen.push(start);
-                texels += size_of_val::<[[f32; 3]]>(own);
+            if !seen.contains(&own.address()) {
+                seen.push(own.address());
+                texels += own.memory();
             }
         }
         SceneMemory {

@@ -12,6 +12,7 @@ mod memory;
 mod mesh;
 mod shared_texels;
 mod tangents;
+mod texels;
 mod texture;
 
 use glam::{Vec2, Vec3, Vec4};
@@ -22,7 +23,8 @@ pub use flatten::{MAX_PRIMITIVES, compile, compile_sharing};
 pub use instance::{Instance, Instances, MAX_FLATTENED_PRIMITIVES, SharedMesh};
 pub use lights::{Cone, DirectionalLight, Environment, PointLight};
 pub use memory::SceneMemory;
-pub(in crate::scene) use texture::srgb_to_linear;
+pub(in crate::scene) use texels::srgb_to_linear;
+pub use texels::{Curve, LinearTexels};
 pub use texture::{Footprint, Texture, Uv, UvMap};
 
 use super::desc::CameraDesc;

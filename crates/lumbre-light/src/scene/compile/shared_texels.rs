@@ -1,7 +1,6 @@
 //! Serialisation of textures: texels that several textures share are written once.
 
 use std::borrow::Cow;
-use std::sync::Arc;
 
 use serde::de::{Deserializer, Error};
 use serde::ser::Serializer;
@@ -20,7 +19,7 @@ enum Entry<'a> {
 /// Writes textures; those with shared texels refer to the first that has them.
 pub fn serialize<S: Serializer>(textures: &[Texture], to: S) -> Result<S::Ok, S::Error> {
     to.collect_seq(textures.iter().enumerate().map(|(i, texture)| {
-        let shares = |earlier: &Texture| Arc::ptr_eq(&earlier.texels, &texture.texels);
+        let shares = |earlier: &Texture| earlier.texels.is(&texture.texels);
         match textures[..i].iter().position(shares) {
             Some(first) => Entry::Shared(first, texture.lookup),
             None => Entry::Own(Cow::Borrowed(texture)),
@@ -48,7 +47,7 @@ pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Texture>, D
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::desc::Wrap;
+    use crate::scene::desc::{Texels, TextureDesc, Wrap};
 
     /// Textures as a field of a scene.
     #[derive(Serialize, Deserialize)]
@@ -60,13 +59,22 @@ mod tests {
         let mut clamped = plain.clone();
         clamped.lookup.wrap = [Wrap::Clamp; 2];
         let other = Texture::new(1, 1, vec![[0.25, 0.5, 1.0]]);
-        let textures = Textures(vec![plain.clone(), other.clone(), clamped.clone()]);
+        let image = TextureDesc::new("", 1, 1, Texels::Rgba8(vec![[0, 99, 255, 7]].into()));
+        let [colour, data] = [true, false].map(|srgb| Texture::decode(&image, srgb));
+        let textures = Textures(vec![
+            plain.clone(),
+            other.clone(),
+            clamped.clone(),
+            colour.clone(),
+            data.clone(),
+        ]);
         let text = serde_json::to_string(&textures).unwrap();
-        assert_eq!(text.matches("texels").count(), 2, "{text}");
+        assert_eq!(text.matches("texels").count(), 4, "{text}");
         let Textures(back) = serde_json::from_str(&text).unwrap();
-        assert_eq!(back, [plain, other, clamped]);
-        assert!(Arc::ptr_eq(&back[0].texels, &back[2].texels));
-        assert!(!Arc::ptr_eq(&back[0].texels, &back[1].texels));
+        // Bytes that are read by two curves are two textures.
+        assert_eq!(back, [plain, other, clamped, colour, data]);
+        assert!(back[0].texels.is(&back[2].texels));
+        assert!(!back[0].texels.is(&back[1].texels));
         let early = text.replacen("\"Shared\":[0", "\"Shared\":[7", 1);
         assert!(serde_json::from_str::<Textures>(&early).is_err());
     }

@@ -1,13 +1,12 @@
 //! Decoded textures and their lookup.
 
-use std::sync::Arc;
-
 use glam::{Vec2, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
+use super::texels::LinearTexels;
 use crate::math::real::{Mask, Real, Word};
 use crate::math::simd::Lanes;
-use crate::scene::desc::{Lookup, Texels, TextureDesc, TextureFilter, Wrap};
+use crate::scene::desc::{Lookup, TextureDesc, TextureFilter, Wrap};
 
 /// Map from surface texture coordinates to those of a texture: a factor, then an offset.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -113,41 +112,31 @@ pub struct Texture {
     pub width: u32,
     /// Number of rows.
     pub height: u32,
-    /// Linear texels, `[y][x][rgb]`, origin top-left; shared between textures that differ only in
-    /// their mapping.
-    pub texels: Arc<[[f32; 3]]>,
+    /// Texels, `[y][x]`, origin top-left.
+    pub texels: LinearTexels,
     /// Mapping onto surfaces.
     pub lookup: Lookup,
 }
 
 impl Texture {
-    /// Creates a repeating texture from texels.
-    pub fn new(width: u32, height: u32, texels: impl Into<Arc<[[f32; 3]]>>) -> Texture {
+    /// Creates a repeating texture from linear texels.
+    pub fn new(width: u32, height: u32, texels: Vec<[f32; 3]>) -> Texture {
         Texture {
             width,
             height,
-            texels: texels.into(),
+            texels: LinearTexels::Floats(texels.into()),
             lookup: Lookup::default(),
         }
     }
 
-    /// Decodes a texture for a slot: 8-bit texels through the sRGB curve if `srgb`, else as
-    /// fractions of 255; floats are linear already. Alpha is dropped.
+    /// Decodes a texture for a slot, as [`LinearTexels::of`].
     pub fn decode(desc: &TextureDesc, srgb: bool) -> Texture {
-        let texels: Arc<[[f32; 3]]> = match &desc.texels {
-            Texels::Rgba8(texels) => {
-                let curve: Vec<f32> = (0..=255u8)
-                    .map(|b| f32::from(b) / 255.0)
-                    .map(|x| if srgb { srgb_to_linear(x) } else { x })
-                    .collect();
-                texels
-                    .iter()
-                    .map(|[r, g, b, _]| [*r, *g, *b].map(|c| curve[usize::from(c)]))
-                    .collect()
-            }
-            Texels::RgbaF32(texels) => texels.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect(),
-        };
-        Texture::new(desc.width, desc.height, texels)
+        Texture {
+            width: desc.width,
+            height: desc.height,
+            texels: LinearTexels::of(&desc.texels, srgb),
+            lookup: Lookup::default(),
+        }
     }
 
     /// Returns image coordinates from the texture coordinates of a surface with this tiling.
@@ -192,22 +181,18 @@ impl Texture {
     /// as the filter says; the last component is 0.
     #[inline(always)]
     pub fn blend(&self, texels: [u32; 4], [fx, fy]: [f32; 2]) -> Vec4 {
+        let [a, b, c, d] = self.texels.four(texels);
+        let [a, b, c, d] = [padded(a), padded(b), padded(c), padded(d)];
         if self.lookup.filter == TextureFilter::Nearest {
-            return self.texel(texels[2 * usize::from(fy >= 0.5) + usize::from(fx >= 0.5)]);
+            return [a, b, c, d][2 * usize::from(fy >= 0.5) + usize::from(fx >= 0.5)];
         }
-        let [a, b, c, d] = texels;
-        let (upper, lower) = (
-            self.texel(a).lerp(self.texel(b), fx),
-            self.texel(c).lerp(self.texel(d), fx),
-        );
-        upper.lerp(lower, fy)
+        a.lerp(b, fx).lerp(c.lerp(d, fx), fy)
     }
+}
 
-    #[inline(always)]
-    fn texel(&self, index: u32) -> Vec4 {
-        let [r, g, b] = self.texels[index as usize];
-        Vec4::new(r, g, b, 0.0)
-    }
+#[inline(always)]
+fn padded([r, g, b]: [f32; 3]) -> Vec4 {
+    Vec4::new(r, g, b, 0.0)
 }
 
 /// Wrap modes as numbers in lanes.
@@ -297,19 +282,10 @@ fn inside<R: Real>(position: R, size: R, mirror: R::Mask) -> R {
     reflected.min(last).max(R::splat(0.0))
 }
 
-/// Decodes sRGB [IEC 61966-2-1], from 0..=1 to 0..=1.
-pub(in crate::scene) fn srgb_to_linear(x: f32) -> f32 {
-    if x <= 0.04045 {
-        x / 12.92
-    } else {
-        ((x + 0.055) / 1.055).powf(2.4)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::desc::texture_hash;
+    use crate::scene::desc::{Texels, texture_hash};
     use std::path::PathBuf;
 
     fn desc(width: u32, height: u32, texels: Texels) -> TextureDesc {
@@ -324,8 +300,12 @@ mod tests {
     }
 
     fn grey(values: &[u8], width: u32) -> TextureDesc {
-        let texels = values.iter().map(|v| [*v, *v, *v, 255]).collect();
-        desc(width, values.len() as u32 / width, Texels::Rgba8(texels))
+        let texels: Vec<[u8; 4]> = values.iter().map(|v| [*v, *v, *v, 255]).collect();
+        desc(
+            width,
+            values.len() as u32 / width,
+            Texels::Rgba8(texels.into()),
+        )
     }
 
     #[test]
@@ -333,16 +313,19 @@ mod tests {
         let d = grey(&[0, 10, 188, 255], 4);
         let colour = Texture::decode(&d, true);
         let data = Texture::decode(&d, false);
-        assert_eq!((colour.texels[0][0], colour.texels[3][0]), (0.0, 1.0));
-        assert!((colour.texels[1][0] - 10.0 / 255.0 / 12.92).abs() < 1e-7);
+        assert_eq!((colour.texels.at(0)[0], colour.texels.at(3)[0]), (0.0, 1.0));
+        assert!((colour.texels.at(1)[0] - 10.0 / 255.0 / 12.92).abs() < 1e-7);
         assert!(
-            (colour.texels[2][0] - 0.502_886_5).abs() < 1e-5,
+            (colour.texels.at(2)[0] - 0.502_886_5).abs() < 1e-5,
             "{}",
-            colour.texels[2][0]
+            colour.texels.at(2)[0]
         );
-        assert_eq!(data.texels[2][0], 188.0 / 255.0);
+        assert_eq!(data.texels.at(2)[0], 188.0 / 255.0);
         let floats = desc(1, 1, Texels::RgbaF32(vec![[2.0, 0.5, 0.25, 0.0]]));
-        assert_eq!(Texture::decode(&floats, true).texels[0], [2.0, 0.5, 0.25]);
+        assert_eq!(
+            Texture::decode(&floats, true).texels.at(0),
+            [2.0, 0.5, 0.25]
+        );
     }
 
     #[test]
@@ -375,7 +358,7 @@ mod tests {
             };
             let at = |i: u32| {
                 let (x, y) = (fold(i % 15, 3, wrap[0]), fold(i / 15, 2, wrap[1]));
-                plain.texels[(y * 3 + x) as usize]
+                plain.texels.at((y * 3 + x) as usize)
             };
             Texture::new(15, 10, (0..150).map(at).collect::<Vec<_>>())
         };
@@ -445,7 +428,7 @@ mod tests {
                 };
                 let column = texel(f64::from(uv.x), 3);
                 let row = texel(1.0 - f64::from(uv.y), 2);
-                let expected = plain.texels[(row * 3 + column) as usize];
+                let expected = plain.texels.at((row * 3 + column) as usize);
                 assert_eq!(nearest.filtered(uv).to_array(), expected, "{wrap:?} {uv}");
             }
         }

@@ -274,7 +274,7 @@ impl TextureDesc {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Texels {
     /// Eight bits per channel.
-    Rgba8(Vec<[u8; 4]>),
+    Rgba8(Arc<[[u8; 4]]>),
     /// Linear values, 32-bit floats.
     RgbaF32(Vec<[f32; 4]>),
 }

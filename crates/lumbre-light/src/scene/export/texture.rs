@@ -317,7 +317,7 @@ mod tests {
 
     #[test]
     fn eight_bit_texels_are_stored_unchanged_and_computed_ones_are_floats() {
-        let t = texture(Texels::Rgba8(vec![[188, 255, 51, 255]]));
+        let t = texture(Texels::Rgba8(vec![[188, 255, 51, 255]].into()));
         assert_eq!(
             read_back(&t, TexelConversion::Color(Vec3::ONE)),
             ([188.0, 255.0, 51.0], "png")

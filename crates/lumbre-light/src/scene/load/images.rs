@@ -256,7 +256,7 @@ pub(super) fn decode(
             message: "the image has 16 bits per channel; they are rounded to 8".to_owned(),
         });
     }
-    let texels = Texels::Rgba8(into_texels(image.into_rgba8().into_raw()));
+    let texels = Texels::Rgba8(shared_texels(image));
     Ok(TextureDesc::new(path, width, height, texels))
 }
 
@@ -320,6 +320,23 @@ fn finite_texels(texels: Vec<[f32; 4]>) -> Result<Texels, String> {
     Err("the image has values that are not finite".to_owned())
 }
 
+/// Returns the texels of an image, 8 bits per channel. Nothing beside the image and its texels is
+/// allocated, unless its channels have 16 bits.
+fn shared_texels(image: DynamicImage) -> Arc<[[u8; 4]]> {
+    match image {
+        DynamicImage::ImageLuma8(grey) => grey.iter().map(|&l| [l, l, l, 255]).collect(),
+        DynamicImage::ImageLumaA8(grey) => {
+            let (texels, _) = grey.as_chunks::<2>();
+            texels.iter().map(|&[l, a]| [l, l, l, a]).collect()
+        }
+        DynamicImage::ImageRgb8(color) => {
+            let (texels, _) = color.as_chunks::<3>();
+            texels.iter().map(|&[r, g, b]| [r, g, b, 255]).collect()
+        }
+        image => into_texels(image.into_rgba8().into_raw()).into(),
+    }
+}
+
 /// Returns the channels of an image as texels, without a copy.
 fn into_texels<C: bytemuck::Pod>(channels: Vec<C>) -> Vec<[C; 4]> {
     bytemuck::allocation::cast_slice_box(channels.into_boxed_slice()).into_vec()
@@ -358,7 +375,7 @@ mod tests {
             "t",
             texels.len() as u32,
             1,
-            Texels::Rgba8(texels),
+            Texels::Rgba8(texels.into()),
         ))
     }
 
@@ -439,7 +456,7 @@ mod tests {
         let Texels::Rgba8(texels) = load(&path, &mut Vec::new()).unwrap().texels else {
             panic!("eight bits expected")
         };
-        assert_eq!(texels, [[255, 128, 0, 255], [9, 8, 7, 255]]);
+        assert_eq!(texels[..], [[255, 128, 0, 255], [9, 8, 7, 255]]);
     }
 
     #[test]

@@ -166,7 +166,7 @@ impl EnvironmentMap {
                 column
             };
             let row = (top as i64 + dy).clamp(0, height - 1);
-            Vec3::from_array(self.texture.texels[(row * width + column) as usize])
+            Vec3::from_array(self.texture.texels.at((row * width + column) as usize))
         };
         let (fx, fy) = (x - left, y - top);
         at(0, 0)
@@ -219,7 +219,7 @@ fn cell_means(texture: &Texture, factor: Vec3) -> Vec<f64> {
     let texels: Vec<f64> = texture
         .texels
         .iter()
-        .map(|t| luminance(Vec3::from_array(*t) * factor))
+        .map(|t| luminance(Vec3::from_array(t) * factor))
         .collect();
     let blend = |before: f64, here: f64, after: f64| 0.125 * before + 0.75 * here + 0.125 * after;
     let mut rows = Vec::with_capacity(texels.len());

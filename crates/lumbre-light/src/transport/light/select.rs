@@ -153,7 +153,7 @@ fn mean_luminance(texture: &Texture) -> f64 {
     let sum: f64 = texture
         .texels
         .iter()
-        .map(|t| luminance(glam::Vec3::from_array(*t)))
+        .map(|t| luminance(glam::Vec3::from_array(t)))
         .sum();
     sum / texture.texels.len().max(1) as f64
 }

@@ -133,7 +133,7 @@ mod tests {
     use super::*;
     use crate::math::rng::{pcg4d, unit};
     use crate::math::simd::{SimdKernel, Width, dispatch};
-    use crate::scene::desc::Wrap;
+    use crate::scene::desc::{Texels, TextureDesc, Wrap};
 
     /// Returns textures of several sizes, wrap modes and mappings.
     fn textures() -> Vec<Texture> {
@@ -152,6 +152,10 @@ mod tests {
                         Affine2::from_angle(0.3) * Affine2::from_scale(Vec2::new(1.5, 0.7))
                     });
                     textures.push(texture);
+                    let byte = |i: u32| pcg4d([i, width, height, 3]).map(|word| word as u8);
+                    let bytes: Vec<[u8; 4]> = (0..width * height).map(byte).collect();
+                    let image = TextureDesc::new("", width, height, Texels::Rgba8(bytes.into()));
+                    textures.push(Texture::decode(&image, height == 5));
                 }
             }
         }

@@ -100,7 +100,7 @@ fn integrators_agree_on_many_lights() {
 fn integrators_agree_on_an_environment_with_a_sun() {
     // The sun is large enough for `bpt` to find it.
     let mut sky = sunny();
-    Arc::make_mut(&mut sky.texels)[2 * 16 + 11] = [60.0, 50.0, 40.0];
+    sky.texels.floats_mut().unwrap()[2 * 16 + 11] = [60.0, 50.0, 40.0];
     let red = Material {
         base_color: Vec3::new(0.8, 0.3, 0.2),
         ..WHITE

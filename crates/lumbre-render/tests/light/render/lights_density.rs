@@ -324,7 +324,7 @@ fn environment_maps_have_the_orientation_of_their_definition() {
                 (i / 16) as f64 / 8.0 + 1.0 / 16.0,
             );
             let dir = direction(u, v, rotation.into()).as_vec3();
-            let (seen, own) = (lights.environment(dir), Vec3::from_array(*texel) * 0.5);
+            let (seen, own) = (lights.environment(dir), Vec3::from_array(texel) * 0.5);
             // By rounding, a neighbour of the sun contains a millionth of its radiance.
             assert!(
                 (seen - own).abs().max_element() < 0.02,

@@ -228,7 +228,7 @@ fn octahedron(normals: bool) -> Arc<MeshDesc> {
 /// mapped.
 fn octahedra(mesh: Arc<MeshDesc>, kind: ShadingNormals, maps: bool, count: u32) -> SceneDesc {
     let texels: Vec<[u8; 4]> = (0..16).map(|i| [100 + 10 * i, 150, 220, 255]).collect();
-    let image = Arc::new(TextureDesc::new("", 4, 4, Texels::Rgba8(texels)));
+    let image = Arc::new(TextureDesc::new("", 4, 4, Texels::Rgba8(texels.into())));
     let mut first = MaterialDesc {
         shading_normals: kind,
         shadow_terminator: maps,

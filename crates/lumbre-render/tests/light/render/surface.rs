@@ -196,7 +196,7 @@ fn flat_normal_maps_and_maps_of_strength_zero_have_no_effect() {
         },
     );
     let mut grey = MaterialDesc::new("m");
-    let texels = Texels::Rgba8(vec![[128, 128, 255, 255]]);
+    let texels = Texels::Rgba8(vec![[128, 128, 255, 255]].into());
     let content_hash = texture_hash(1, 1, &texels);
     let bytes = TextureDesc {
         file: PathBuf::from("n.png"),

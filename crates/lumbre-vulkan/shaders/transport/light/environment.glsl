@@ -31,10 +31,10 @@ vec3 environment_bilinear(vec2 uv) {
     ivec2 columns = (ivec2(low.x, low.x + 1) + size.x) % size.x;
     ivec2 rows = clamp(ivec2(low.y, low.y + 1), 0, size.y - 1) * size.x;
     vec3 upper = mix(
-        texel_at(first + uint(rows.x + columns.x)), texel_at(first + uint(rows.x + columns.y)), f.x
+        float_texel(first, uint(rows.x + columns.x)), float_texel(first, uint(rows.x + columns.y)), f.x
     );
     vec3 lower = mix(
-        texel_at(first + uint(rows.y + columns.x)), texel_at(first + uint(rows.y + columns.y)), f.x
+        float_texel(first, uint(rows.y + columns.x)), float_texel(first, uint(rows.y + columns.y)), f.x
     );
     return mix(upper, lower, f.y);
 }

@@ -110,7 +110,7 @@ pub(super) fn from_equirectangular(image: &TextureDesc, to_world: &DMat3) -> (Te
     let rotation = (-turned).rem_euclid(360.0);
     let texels = match (&image.texels, forward) {
         (texels, true) => texels.clone(),
-        (Texels::Rgba8(t), false) => Texels::Rgba8(mirrored(t, image.width)),
+        (Texels::Rgba8(t), false) => Texels::Rgba8(mirrored(t, image.width).into()),
         (Texels::RgbaF32(t), false) => Texels::RgbaF32(mirrored(t, image.width)),
     };
     let map = TextureDesc::new(&image.file, image.width, image.height, texels);
