@@ -1,4 +1,4 @@
-// Inputs: the number of a texture, the environment map's behind the others, COLORS or SECOND_UVS, and the
+// Inputs: the number of a texture, the environment map's behind the others, COLORS or SECOND_COORDINATES, and the
 // number of a texel.
 const uint COLORS = 0xfffffffeu, SECOND_COORDINATES = 0xffffffffu;
 

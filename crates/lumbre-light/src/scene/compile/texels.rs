@@ -30,6 +30,17 @@ impl Curve {
     /// Both curves, in order.
     pub const ALL: [Curve; 2] = [Curve::Linear, Curve::Srgb];
 
+    /// Returns the curve of colours in sRGB, or that of data.
+    pub fn of(srgb: bool) -> Curve {
+        if srgb { Curve::Srgb } else { Curve::Linear }
+    }
+
+    /// Returns the linear value of a byte, from 0 to 1.
+    #[inline]
+    pub fn decode(self, byte: u8) -> f32 {
+        self.table()[usize::from(byte)]
+    }
+
     /// Returns the linear value of every byte, from 0 to 1.
     #[inline(always)]
     pub fn table(self) -> &'static [f32; 256] {
@@ -64,8 +75,7 @@ impl LinearTexels {
     /// 255; floats are linear already. Alpha is dropped.
     pub fn of(texels: &Texels, srgb: bool) -> LinearTexels {
         match texels {
-            Texels::Rgba8(bytes) if srgb => LinearTexels::Bytes(Arc::clone(bytes), Curve::Srgb),
-            Texels::Rgba8(bytes) => LinearTexels::Bytes(Arc::clone(bytes), Curve::Linear),
+            Texels::Rgba8(bytes) => LinearTexels::Bytes(Arc::clone(bytes), Curve::of(srgb)),
             Texels::RgbaF32(floats) => {
                 LinearTexels::Floats(floats.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect())
             }

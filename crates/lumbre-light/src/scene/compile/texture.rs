@@ -181,11 +181,12 @@ impl Texture {
     /// as the filter says; the last component is 0.
     #[inline(always)]
     pub fn blend(&self, texels: [u32; 4], [fx, fy]: [f32; 2]) -> Vec4 {
+        if self.lookup.filter == TextureFilter::Nearest {
+            let nearest = texels[2 * usize::from(fy >= 0.5) + usize::from(fx >= 0.5)];
+            return padded(self.texels.at(nearest as usize));
+        }
         let [a, b, c, d] = self.texels.four(texels);
         let [a, b, c, d] = [padded(a), padded(b), padded(c), padded(d)];
-        if self.lookup.filter == TextureFilter::Nearest {
-            return [a, b, c, d][2 * usize::from(fy >= 0.5) + usize::from(fx >= 0.5)];
-        }
         a.lerp(b, fx).lerp(c.lerp(d, fx), fy)
     }
 }

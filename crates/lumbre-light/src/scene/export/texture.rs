@@ -10,7 +10,7 @@ use image::ExtendedColorType;
 
 use super::OutputFolder;
 use crate::scene::SceneError;
-use crate::scene::compile::srgb_to_linear;
+use crate::scene::compile::Curve;
 use crate::scene::desc::{
     Lookup, MaterialDesc, Texels, TextureDesc, TextureFilter, TextureSlot, Wrap,
 };
@@ -223,13 +223,8 @@ fn encode(
         };
         return png(size, &bytes, kind).map(|bytes| (bytes, "png"));
     }
-    let decode = |x: u8| {
-        if conversion.is_color() {
-            srgb_to_linear(f32::from(x) / 255.0)
-        } else {
-            f32::from(x) / 255.0
-        }
-    };
+    let curve = Curve::of(conversion.is_color());
+    let decode = |x: u8| curve.decode(x);
     let texels: Vec<[f32; 3]> = match &image.texels {
         Texels::Rgba8(t) => t
             .iter()

@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DMat3, DVec3};
 
-use crate::scene::compile::srgb_to_linear;
+use crate::scene::compile::Curve;
 use crate::scene::desc::{Texels, TextureDesc};
 
 /// Greatest height of a map that is computed.
@@ -16,7 +16,7 @@ pub(super) fn texel(image: &TextureDesc, x: u32, y: u32) -> [f32; 3] {
     match &image.texels {
         Texels::Rgba8(t) => {
             let [r, g, b, _] = t[at];
-            [r, g, b].map(|c| srgb_to_linear(f32::from(c) / 255.0))
+            [r, g, b].map(|c| Curve::Srgb.decode(c))
         }
         Texels::RgbaF32(t) => [t[at][0], t[at][1], t[at][2]],
     }

@@ -11,7 +11,7 @@ use image::{ColorType, DynamicImage, ImageDecoder, ImageReader, Limits};
 
 use super::{canonical, openexr, read_file, unreadable};
 use crate::math::luminance::luminance_f32;
-use crate::scene::compile::srgb_to_linear;
+use crate::scene::compile::Curve;
 use crate::scene::desc::{Texels, TextureDesc};
 use crate::scene::{Note, SceneError};
 
@@ -353,12 +353,7 @@ pub(super) fn mean_texel(image: &TextureDesc, of_color: bool) -> Vec3 {
     };
     match &image.texels {
         Texels::Rgba8(t) => t.iter().for_each(|[r, g, b, _]| {
-            let unit = [*r, *g, *b].map(|x| f32::from(x) / 255.0);
-            add(if of_color {
-                unit.map(srgb_to_linear)
-            } else {
-                unit
-            });
+            add([*r, *g, *b].map(|x| Curve::of(of_color).decode(x)));
         }),
         Texels::RgbaF32(t) => t.iter().for_each(|[r, g, b, _]| add([*r, *g, *b])),
     }

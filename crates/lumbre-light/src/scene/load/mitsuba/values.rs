@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
-use crate::scene::compile::srgb_to_linear;
+use crate::scene::compile::Curve;
 use crate::scene::load::spectrum::{Sampled, to_srgb, under_daylight, xyz};
 
 /// Returns the beginning of a text, for messages.
@@ -73,7 +73,7 @@ pub(super) fn color(text: &str) -> Result<Vec3, String> {
                 truncated(hex)
             )
         })?;
-        let channel = |shift: u32| srgb_to_linear(((bits >> shift) & 255) as f32 / 255.0);
+        let channel = |shift: u32| Curve::Srgb.decode((bits >> shift) as u8);
         return Ok(Vec3::new(channel(16), channel(8), channel(0)));
     }
     finite(vector(text)?)

@@ -11,6 +11,7 @@ use super::texture::{TextureContext, TextureReader};
 use super::token::truncated;
 use super::{Version, environment};
 use crate::math::luminance::luminance_f32;
+use crate::scene::compile::Curve;
 use crate::scene::desc::light::CUTOFF_RANGE;
 use crate::scene::desc::{
     ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightKind, MaterialDesc, ShapeDesc,
@@ -368,10 +369,7 @@ fn tinted(map: &TextureDesc, by: Vec3) -> TextureDesc {
     let texels = match &map.texels {
         Texels::Rgba8(t) => t
             .iter()
-            .map(|[r, g, b, _]| {
-                let decode = |c: u8| crate::scene::compile::srgb_to_linear(f32::from(c) / 255.0);
-                tint([*r, *g, *b].map(decode))
-            })
+            .map(|[r, g, b, _]| tint([*r, *g, *b].map(|c| Curve::Srgb.decode(c))))
             .collect(),
         Texels::RgbaF32(t) => t.iter().map(|[r, g, b, _]| tint([*r, *g, *b])).collect(),
     };
