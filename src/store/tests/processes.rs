@@ -52,6 +52,40 @@ fn a_claim_on_a_full_disk_is_retried() {
 }
 
 #[test]
+fn nothing_is_removed_where_another_process_works_on_a_finished_run() {
+    let dir = tempfile::tempdir().unwrap();
+    // Two cells with one id, such as a technique without the parameter of the other axis.
+    let plan = plan("night", "3f9a00", &["aa11", "aa11"]);
+    let (first, second) = (
+        Store::open(dir.path(), &plan, decode).unwrap(),
+        Store::open(dir.path(), &plan, decode).unwrap(),
+    );
+    let folders = [0, 1].map(|i| layout::run_folder(first.folder(), &plan.cells[i]));
+    assert_ne!(folders[0], folders[1]);
+    // Both looked before either had finished.
+    second.claim(&plan, CellRef::Cell(1).into()).unwrap();
+    second.start(&plan, CellRef::Cell(1), None).unwrap();
+    let working = ["ckpt.a", ".lumbre-1a.tmp", "claim"].map(|name| folders[1].join(name));
+    for file in &working[..2] {
+        fs::write(file, "x").unwrap();
+    }
+    finish_run(&first, &plan, 0);
+    let status = first.plan_status(&plan);
+    assert_eq!(status.done.len(), 2, "the run of both cells is finished");
+    assert!(working.iter().all(|file| file.exists()));
+    // It died.
+    drop(second);
+    eventually(|| {
+        first.plan_status(&plan);
+        match working.iter().any(|file| file.exists()) {
+            true => Claim::HeldBy(String::new()),
+            false => Claim::Granted,
+        }
+    });
+    assert!(working.iter().all(|file| !file.exists()));
+}
+
+#[test]
 fn leftovers_beside_the_last_file_are_removed() {
     let dir = tempfile::tempdir().unwrap();
     let plan = plan("night", "3f9a00", &["aa11"]);

@@ -145,21 +145,27 @@ impl Store {
     }
 
     /// Removes what a process left that died after writing a run's last file, or while it tried to
-    /// claim the run: claim, checkpoints, failure record and temporary files.
+    /// claim the run: claim, checkpoints, failure record and temporary files. Nothing is removed
+    /// while a process works in the folder: its run may be finished in the folder of another cell.
     pub(crate) fn remove_leftovers(&self, folder: &Path) {
+        let is_leftover = |entry: fs::DirEntry| {
+            let name = entry.file_name();
+            let name = name.to_string_lossy();
+            [claim::FILE, FailedFile::NAME].contains(&&*name)
+                || checkpoint::SLOTS.contains(&&*name)
+                || atomic::is_temporary(&name)
+        };
+        let mut entries = fs::read_dir(folder).into_iter().flatten().flatten();
+        if !entries.any(is_leftover)
+            || self.claims.holds(folder)
+            || !matches!(self.claims.acquire(folder), Ok(Claim::Granted))
+        {
+            return;
+        }
         atomic::remove_temporaries(folder);
-        if folder.join(claim::FILE).exists()
-            && matches!(self.claims.acquire(folder), Ok(Claim::Granted))
-        {
-            self.claims.release(folder);
-        }
-        if checkpoint::SLOTS
-            .iter()
-            .any(|slot| folder.join(slot).exists())
-        {
-            checkpoint::remove(folder);
-        }
+        checkpoint::remove(folder);
         failure::remove(folder);
+        self.claims.release(folder);
     }
 
     /// Folder of the experiment.
