@@ -11,6 +11,7 @@ use lumbre_light::transport::integrator::IntegratorRow;
 use lumbre_light::transport::path_time::Timing;
 use lumbre_render::shaders::Shaders;
 use lumbre_vulkan::context::instance;
+use lumbre_vulkan::context::limits::Limits;
 use lumbre_vulkan::context::physical_device;
 use lumbre_vulkan::context::{device::Device, physical_device::Caps};
 use lumbre_vulkan::pipelines::program::TracingMode;
@@ -20,7 +21,7 @@ use super::rounding;
 
 /// Returns whether devices render an integrator.
 pub fn renders(row: &IntegratorRow) -> bool {
-    (lumbre_vulkan::COMPUTE.refuses)(row, 1, &Shaders::BuiltIn).is_none()
+    (lumbre_vulkan::COMPUTE.refuses)(row, &Shaders::BuiltIn).is_none()
 }
 
 /// Returns the device of this process, or `None` after printing a line `SKIPPED` if there is none.
@@ -47,13 +48,15 @@ pub fn device() -> Option<Arc<Device>> {
 pub fn integer_splat_device() -> Option<Arc<Device>> {
     static SHARED: OnceLock<Arc<Device>> = OnceLock::new();
     let device = device()?;
-    let caps = Caps {
-        float_atomics: false,
-        ..device.info.caps
-    };
-    Some(Arc::clone(SHARED.get_or_init(|| {
-        Device::open(device.info.clone(), caps).unwrap()
-    })))
+    let open = || changed(&device, |_, caps| caps.float_atomics = false);
+    Some(Arc::clone(SHARED.get_or_init(open)))
+}
+
+/// Returns the device with other limits and capabilities.
+pub fn changed(device: &Device, change: impl FnOnce(&mut Limits, &mut Caps)) -> Arc<Device> {
+    let (mut info, mut caps) = (device.info.clone(), device.info.caps);
+    change(&mut info.limits, &mut caps);
+    Device::open(info, caps).unwrap()
 }
 
 /// Returns the tracing mode for tests that do not depend on it. A software driver spends nearly all

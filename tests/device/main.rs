@@ -39,6 +39,7 @@ mod paths;
 mod reports;
 mod rounding;
 mod shader_folder;
+mod subpaths;
 mod texels;
 mod times;
 mod twins;

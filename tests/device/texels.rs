@@ -13,27 +13,22 @@ use lumbre_render::{Job, RenderError};
 use lumbre_vulkan::context::{device::Device, limits::Limits, physical_device::Caps};
 use lumbre_vulkan::error::VulkanError;
 use lumbre_vulkan::layout::Specialization;
+use lumbre_vulkan::memory::subpaths::SubpathRoom;
 use lumbre_vulkan::memory::texel_words::{TexelLayout, environment_map};
 use lumbre_vulkan::memory::upload::{JobBuffers, SceneBuffers};
 use lumbre_vulkan::pipelines::program::TracingMode;
 use lumbre_vulkan::pipelines::test_kernel;
 use lumbre_vulkan::renderer::into_render_error;
+use lumbre_vulkan::schedule::pixel_samples::PixelSamples;
 
 use super::harness;
 use super::images::{render, scene_with_all_lights, supported_modes};
 use super::verdict::compare;
 use crate::common::{self, SceneBuilder, grey, job};
 
-/// Returns the device with other limits and capabilities.
-fn with(device: &Device, change: impl FnOnce(&mut Limits, &mut Caps)) -> Arc<Device> {
-    let (mut info, mut caps) = (device.info.clone(), device.info.caps);
-    change(&mut info.limits, &mut caps);
-    Device::open(info, caps).unwrap()
-}
-
 /// Returns the device with a limit of this many words of texels per buffer.
 fn limited_to(device: &Device, words: u64) -> Arc<Device> {
-    with(device, |limits, _| limits.texels = words * 4)
+    harness::changed(device, |limits, _| limits.texels = words * 4)
 }
 
 /// Returns a scene with textures of floats and, by both curves, of bytes, a mask and an environment
@@ -111,7 +106,8 @@ fn shaders_find_every_texel_in_blocks_of_every_size() {
         let device = limited_to(&device, limit);
         let buffers = SceneBuffers::new(&device, &scene).unwrap();
         assert_eq!(buffers.texel_shift(), shift, "{limit} words");
-        let rest = JobBuffers::new(&device, &scene, &job, &LayerLayout::default()).unwrap();
+        let room = SubpathRoom::new(&job, PixelSamples::InTurn, u64::MAX);
+        let rest = JobBuffers::new(&device, &scene, &job, &LayerLayout::default(), &room).unwrap();
         let constants = Specialization {
             texel_shift: shift.unwrap_or(NONE),
             ..Specialization::default()
@@ -127,7 +123,7 @@ fn shaders_find_every_texel_in_blocks_of_every_size() {
         {
             let found = test_kernel::run(
                 &device,
-                (&buffers, &rest),
+                (&buffers, &rest, &room),
                 (kernel, &constants),
                 inputs.as_flattened(),
                 [2, 3],
@@ -248,14 +244,18 @@ fn texels_that_do_not_fit_are_refused_with_both_sizes() {
             ..Caps::default()
         };
     };
-    refused(with(&device, plain), "offers 1 MiB: each array");
+    refused(harness::changed(&device, plain), "offers 1 MiB: each array");
     let small = |limits: &mut Limits, _: &mut Caps| {
         narrow(limits);
         limits.heap = 3 << 20;
     };
     if device.info.caps.extended() {
-        refused(with(&device, small), "offers 3 MiB: the scene");
-        let blocks = SceneBuffers::new(&with(&device, |limits, _| narrow(limits)), &scene).unwrap();
+        refused(harness::changed(&device, small), "offers 3 MiB: the scene");
+        let blocks = SceneBuffers::new(
+            &harness::changed(&device, |limits, _| narrow(limits)),
+            &scene,
+        )
+        .unwrap();
         assert_eq!(
             blocks.texel_shift(),
             Some(18),

@@ -412,10 +412,9 @@ pub struct BackendRow {
     pub uniform_directions: bool,
     /// Material models that it supports. Plans that use a scene with others on it are refused.
     pub models: &'static [Model],
-    /// Returns why it cannot run an integrator with paths of up to this number of edges and these
-    /// shaders, or `None` if it can. Plans that request it are refused with this reason. Must not
-    /// touch a device.
-    pub refuses: fn(&IntegratorRow, u32, &Shaders) -> Option<String>,
+    /// Returns why it cannot run an integrator with these shaders, or `None` if it can. Plans that
+    /// request it are refused with this reason. Must not touch a device.
+    pub refuses: fn(&IntegratorRow, &Shaders) -> Option<String>,
     /// Resolves a choice of shaders: the folder with the hash of its differences, which becomes part
     /// of a run's identity, or [`Shaders::BuiltIn`] if nothing differs from the shaders of the
     /// program. The error is the reason why a folder cannot be used. Must not touch a device.

@@ -37,7 +37,7 @@ pub const ROW: BackendRow = BackendRow {
     light_trees: true,
     uniform_directions: true,
     models: &Model::ALL,
-    refuses: |_, _, _| None,
+    refuses: |_, _| None,
     shaders: Shaders::without_device,
     accel: true,
     open: |scene, job| {

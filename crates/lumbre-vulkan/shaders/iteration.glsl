@@ -1,31 +1,18 @@
 // The data that the samples of an iteration share, for integrators that need any: light subpaths,
 // and the list of their vertices that can be connected. They are computed before the samples, by
-// entry/light_paths.glsl and entry/light_list.comp. Subpath `i` has room for `light_path_room()`
-// vertices from number `i * light_path_room()` on.
+// entry/light_paths.glsl and entry/light_list.comp.
 #ifndef ITERATION_GLSL
 #define ITERATION_GLSL
 
-#include "scene.glsl"
+#include "subpaths.glsl"
 
-layout(set = 0, binding = 30, scalar) restrict buffer LightPaths { LightPath light_paths[]; };
-layout(set = 0, binding = 31, scalar) restrict buffer LightVertices {
-    LightVertex light_vertices[];
-};
-// Optical lengths of the same vertices; empty without a time axis.
-layout(set = 0, binding = 32, scalar) restrict buffer LightLengths {
-    LightLength light_lengths[];
-};
+layout(set = 0, binding = 32, scalar) restrict buffer LightPaths { LightPath light_paths[]; };
 // Sums for the blocks of LIST_BLOCK subpaths, then the numbers of the vertices that can be
 // connected, ordered by subpath and vertex.
 layout(set = 0, binding = 33, scalar) restrict buffer LightListBlock {
     LightListHead light_list_head;
     uint light_list[];
 };
-
-// Returns the greatest number of vertices of a light subpath.
-uint light_path_room() {
-    return max(job.max_depth, 2u) - 1u;
-}
 
 // Returns the number of blocks of `paths` subpaths.
 uint light_list_blocks(uint paths) {

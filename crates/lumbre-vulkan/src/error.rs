@@ -49,7 +49,10 @@ pub enum VulkanError {
         fault: Option<String>,
     },
     /// The driver cannot create a pipeline. Some drivers lose the device with it.
-    #[error("{device} cannot create the pipeline `{pipeline}` ({result:?}): {remedy}")]
+    #[error(
+        "{device} cannot create the pipeline `{pipeline}` ({result:?}): update the driver, or use \
+         another backend or integrator"
+    )]
     PipelineRefused {
         /// Name of the device.
         device: String,
@@ -57,8 +60,6 @@ pub enum VulkanError {
         pipeline: String,
         /// Result code of the driver.
         result: vk::Result,
-        /// Advice for the user.
-        remedy: String,
     },
     /// The device did not finish a pass in time.
     #[error("{device} did not finish the pass `{pass}` within {seconds} s")]

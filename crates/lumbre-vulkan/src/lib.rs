@@ -91,27 +91,17 @@ pub const COMPUTE: BackendRow = BackendRow {
     paths: |scene, job, samples| paths(TracingMode::Compute, scene, job, samples),
 };
 
-/// Maximum number of path edges of bidirectional integrators: their shaders store one or two vertices
-/// of 76 bytes, 92 with a time axis, for each edge in the private memory of every invocation, here up
-/// to 23 KiB.
-const MAX_BDPT_DEPTH: u32 = 128;
-
-fn refuses(integrator: &IntegratorRow, max_depth: u32, shaders: &Shaders) -> Option<String> {
+fn refuses(integrator: &IntegratorRow, shaders: &Shaders) -> Option<String> {
     let name = integrator.name;
-    if !Sources::selected(shaders).has_integrator(name) {
-        return Some(match integrator.sharing {
-            None => format!("there is no shader for the integrator `{name}`"),
-            Some(_) => format!(
-                "before each sample `{name}` computes data that all pixels share, which only the \
-                 backend `cpu` does"
-            ),
-        });
+    if Sources::selected(shaders).has_integrator(name) {
+        return None;
     }
-    (integrator.splats && max_depth > MAX_BDPT_DEPTH).then(|| {
-        format!(
-            "its `{name}` shader supports max_depth up to {MAX_BDPT_DEPTH}, not {max_depth}: it \
-             stores the vertices of its subpaths in private memory"
-        )
+    Some(match integrator.sharing {
+        None => format!("there is no shader for the integrator `{name}`"),
+        Some(_) => format!(
+            "before each sample `{name}` computes data that all pixels share, which only the \
+             backend `cpu` does"
+        ),
     })
 }
 

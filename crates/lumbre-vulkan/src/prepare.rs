@@ -71,10 +71,6 @@ pub(super) fn check_films(job: &Job) -> Result<LayerLayout, VulkanError> {
     Ok(layout)
 }
 
-/// Granularity of the maximum depth that pipelines are specialised for, in edges, if they store the
-/// vertices of subpaths; a sweep over depths then needs few pipelines.
-const DEPTH_STEP: u32 = 4;
-
 /// Returns whether a parameter of a material has a texture.
 fn has_texture(m: &Material) -> bool {
     let textures = [
@@ -97,7 +93,6 @@ pub fn specialization(
     samples: PixelSamples,
 ) -> Specialization {
     let composed = is_composed(scene) || (job.timing.is_some() && !scene.delays.is_empty());
-    let stores_vertices = job.integrator.splats;
     let any = |has: fn(&Material) -> bool| u32::from(scene.materials.iter().any(has));
     let any_texels = |are: fn(&LinearTexels) -> bool| {
         u32::from(scene.textures.iter().any(|texture| are(&texture.texels)))
@@ -111,11 +106,6 @@ pub fn specialization(
             Sequence::Zsobol { block } => 2 + block.ilog2(),
         },
         models: upload::models(scene),
-        max_depth: if stores_vertices {
-            job.max_depth.max(1).next_multiple_of(DEPTH_STEP)
-        } else {
-            0
-        },
         layers: u32::from(!job.layers.is_empty()),
         paths: u32::from(samples == PixelSamples::Recorded),
         parts: u32::from(composed),

@@ -9,7 +9,8 @@ use super::context::session;
 use super::error::VulkanError;
 use super::films::device_film::{DeviceFilms, RestoreError, SplatMode};
 use super::layout::{PathStep, WaveParams};
-use super::memory::light_paths::LightPathBuffers;
+use super::memory::light_paths::{self, LightPathBuffers};
+use super::memory::subpaths::{SubpathBuffers, SubpathRoom};
 use super::memory::upload;
 use super::memory::upload::{JobBuffers, SceneBuffers};
 use super::pipelines::compute::Bindings;
@@ -43,6 +44,8 @@ pub struct VulkanRenderer {
     bindings: Bindings,
     films: DeviceFilms,
     _light_paths: LightPathBuffers,
+    _subpaths: SubpathBuffers,
+    room: SubpathRoom,
     _traversal: Traversal,
     _job_buffers: JobBuffers,
     _scene: Arc<SceneBuffers>,
@@ -144,7 +147,8 @@ impl VulkanRenderer {
         let splat_mode = SplatMode::select(job.integrator.splats, device.info.caps.float_atomics);
         let start = Instant::now();
         let scene_buffers = session::scene(device, scene)?;
-        let job_buffers = JobBuffers::new(device, scene, job, &layout)?;
+        let room = SubpathRoom::new(job, samples, device.info.limits.storage_range);
+        let job_buffers = JobBuffers::new(device, scene, job, &layout, &room)?;
         let upload_s = start.elapsed().as_secs_f64();
         let traversal = Traversal::new(device, kind, scene, &job.accel, &scene_buffers)?;
         let built = traversal.built();
@@ -158,9 +162,12 @@ impl VulkanRenderer {
             splat_mode,
             samples,
         )?;
-        let light_paths = LightPathBuffers::new(device, job)?;
+        let (stored, timed) = (light_paths::stored(job), job.timing.is_some());
+        let subpaths = SubpathBuffers::new(device, &room, stored, timed)?;
+        let light_paths = LightPathBuffers::new(device, job, &room)?;
         let mut resources = upload::bindings(&scene_buffers, &job_buffers);
         resources.extend(films.bindings());
+        resources.extend(subpaths.bindings());
         resources.extend(light_paths.bindings());
         resources.extend(traversal.bindings());
         let bindings = Bindings::new(device, Program::stages(kind), &resources)?;
@@ -179,6 +186,8 @@ impl VulkanRenderer {
             bindings,
             films,
             _light_paths: light_paths,
+            _subpaths: subpaths,
+            room,
             _traversal: traversal,
             _job_buffers: job_buffers,
             _scene: scene_buffers,
@@ -264,10 +273,11 @@ impl VulkanRenderer {
         ends: bool,
     ) -> Result<Submission, VulkanError> {
         self.slot += 1;
+        let shares_room = self.room.rows(self.film.width) < self.film.height;
         let render = |commands| {
             self.films.start_counting(&self.device, commands);
             for (i, part) in dispatches.iter().enumerate() {
-                if i > 0 && part.overlaps(&dispatches[i - 1]) {
+                if i > 0 && (shares_room || part.overlaps(&dispatches[i - 1])) {
                     self.device.barrier_to_shaders(commands);
                 }
                 let first = self.first_sample + before + part.done;
@@ -383,7 +393,9 @@ impl VulkanRenderer {
     /// Starts to split a wave of `samples` samples into dispatches.
     fn splitter(&self, samples: u64) -> WaveSplitter {
         let size = [self.film.width, self.film.height];
-        WaveSplitter::new(size, samples).at_once(self.program.max_samples())
+        WaveSplitter::new(size, samples)
+            .at_once(self.program.max_samples())
+            .rows(self.room.rows(self.film.width))
     }
 
     /// Records the events of samples, in a run opened by [`VulkanRenderer::recording`]. Its film

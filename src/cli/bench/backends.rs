@@ -90,7 +90,7 @@ pub fn measure(
 
 /// Returns whether a backend renders an integrator; an unknown backend is reported when it is opened.
 pub fn renders(name: &str, integrator: &IntegratorRow) -> bool {
-    backend(name).is_none_or(|row| (row.refuses)(integrator, MAX_DEPTH, &Shaders::Unset).is_none())
+    backend(name).is_none_or(|row| (row.refuses)(integrator, &Shaders::Unset).is_none())
 }
 
 fn measure_one(

@@ -173,7 +173,7 @@ fn tasks(backends: &[&'static BackendRow]) -> Result<Vec<Task>, String> {
         for technique in INTEGRATORS {
             let able = backends
                 .iter()
-                .filter(|row| (row.refuses)(technique, MAX_DEPTH, &Shaders::Unset).is_none());
+                .filter(|row| (row.refuses)(technique, &Shaders::Unset).is_none());
             tasks.extend(able.map(|backend| Task {
                 backend,
                 scene: Arc::clone(&scene),

@@ -128,7 +128,7 @@ impl<'a> Resolver<'a> {
         self.resolve_backend(&mut config, peer.is_some(), point)?;
         let (scene, hash) = self.scene(&config, point)?;
         let (resolution, max_depth) = size_and_depth(&config, &scene, point)?;
-        check_backend(&mut config, row, max_depth, &scene, point)?;
+        check_backend(&mut config, row, &scene, point)?;
         let [width, height] = resolution;
         let pixels = u64::from(width) * u64::from(height);
         check_films(&config, row, pixels, max_depth).map_err(|reason| PlanError::Films {
@@ -435,13 +435,12 @@ fn size_and_depth(
 fn check_backend(
     config: &mut CellConfig,
     row: &IntegratorRow,
-    max_depth: u32,
     scene: &SceneDesc,
     point: &Point,
 ) -> Result<(), PlanError> {
     let refused = |config: &CellConfig| {
         crate::backends::backend(&config.backend)
-            .and_then(|backend| refusal(backend, row, max_depth, scene, config))
+            .and_then(|backend| refusal(backend, row, scene, config))
     };
     if let Some(fallback) = config.fallback.filter(|_| refused(config).is_some()) {
         (config.backend, config.fallback) = (fallback.to_owned(), None);
@@ -491,7 +490,6 @@ fn check_films(
 fn refusal(
     backend: &BackendRow,
     integrator: &IntegratorRow,
-    max_depth: u32,
     scene: &SceneDesc,
     config: &CellConfig,
 ) -> Option<String> {
@@ -557,7 +555,7 @@ fn refusal(
             m.name
         )
     };
-    (backend.refuses)(integrator, max_depth, &config.shaders).or_else(|| unsupported.map(model))
+    (backend.refuses)(integrator, &config.shaders).or_else(|| unsupported.map(model))
 }
 
 /// Hash of a table of values, used as a cache key.

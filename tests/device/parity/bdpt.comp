@@ -1,5 +1,9 @@
 #include "transport/integrator/bdpt/mod.glsl"
 
+uint sample_number() {
+    return gl_LaunchIDEXT.x;
+}
+
 void integrate(uvec2 pixel, inout Sampler numbers) {
     bdpt_sample(pixel, numbers);
 }

@@ -28,6 +28,7 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_render::Job;
 use lumbre_vulkan::context::device::Device;
 use lumbre_vulkan::layout::Specialization;
+use lumbre_vulkan::memory::subpaths::SubpathRoom;
 use lumbre_vulkan::memory::upload::{JobBuffers, SceneBuffers};
 use lumbre_vulkan::pipelines::program::TracingMode;
 use lumbre_vulkan::pipelines::test_kernel;
@@ -207,6 +208,14 @@ fn kernel_device() -> Option<Arc<Device>> {
     Some(device)
 }
 
+/// Returns the room for the subpaths of a sample for each of `rows` rows.
+fn room_of(job: &Job, rows: usize) -> SubpathRoom {
+    SubpathRoom {
+        samples: rows as u32,
+        ..SubpathRoom::new(job, PixelSamples::InTurn, u64::MAX)
+    }
+}
+
 #[test]
 fn every_twin_computes_the_values_of_its_original() {
     let Some(device) = kernel_device() else {
@@ -215,11 +224,12 @@ fn every_twin_computes_the_values_of_its_original() {
     let mut failed = Vec::new();
     for &twin in TWINS {
         let (scene, job) = (twin.scene)();
+        let inputs = (twin.inputs)();
+        let room = room_of(&job, inputs.len() / twin.in_words);
         let buffers = (
             SceneBuffers::new(&device, &scene).unwrap(),
-            JobBuffers::new(&device, &scene, &job, &LayerLayout::default()).unwrap(),
+            JobBuffers::new(&device, &scene, &job, &LayerLayout::default(), &room).unwrap(),
         );
-        let inputs = (twin.inputs)();
         assert!(
             !inputs.is_empty() && inputs.len().is_multiple_of(twin.in_words),
             "{}: inputs",
@@ -229,14 +239,13 @@ fn every_twin_computes_the_values_of_its_original() {
         // Kernels have all models, and a time axis whatever the job.
         let constants = Specialization {
             models: Specialization::default().models,
-            max_depth: Specialization::default().max_depth,
             times: 1,
             parts: 1,
             ..specialization(&scene, &job, None, PixelSamples::InTurn)
         };
         let outputs = test_kernel::run(
             &device,
-            (&buffers.0, &buffers.1),
+            (&buffers.0, &buffers.1, &room),
             (twin.kernel, &constants),
             &inputs,
             words,
@@ -288,15 +297,16 @@ fn a_wrong_twin_is_detected() {
         return;
     };
     let (scene, job) = (ECHO.scene)();
+    let room = room_of(&job, 100);
     let buffers = (
         SceneBuffers::new(&device, &scene).unwrap(),
-        JobBuffers::new(&device, &scene, &job, &LayerLayout::default()).unwrap(),
+        JobBuffers::new(&device, &scene, &job, &LayerLayout::default(), &room).unwrap(),
     );
     let wrong = |kernel: Kernel, added: u32| {
         let inputs: Vec<u32> = (0..100).flat_map(|word| [word, added]).collect();
         let outputs = test_kernel::run(
             &device,
-            (&buffers.0, &buffers.1),
+            (&buffers.0, &buffers.1, &room),
             (kernel, &Specialization::default()),
             &inputs,
             [2, 1],

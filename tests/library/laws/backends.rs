@@ -24,7 +24,7 @@ fn table() -> String {
     for row in BACKENDS {
         let able = INTEGRATORS
             .iter()
-            .filter(|i| (row.refuses)(i, 1, &Shaders::BuiltIn).is_none())
+            .filter(|i| (row.refuses)(i, &Shaders::BuiltIn).is_none())
             .map(|i| i.name);
         let samplers = SAMPLERS.iter().map(|s| s.name);
         let layers = if row.layers {

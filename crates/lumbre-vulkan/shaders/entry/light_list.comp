@@ -57,9 +57,9 @@ void main() {
         }
     } else if (exists) {
         uint to = blocks + light_list[block] + light_paths[path].before;
-        uint first = path * light_path_room();
+        uint first = path * job.light_path_room;
         for (uint i = 0u; i < light_paths[path].vertices; ++i) {
-            if ((light_vertices[first + i].material & NOT_CONNECTIBLE) == 0u) {
+            if (is_connectible(subpath_vertices[first + i].material)) {
                 light_list[to++] = first + i;
             }
         }

@@ -7,14 +7,6 @@
 #include "transport/integrator/iteration/light_paths.glsl"
 #include "generated/integrator.glsl"
 
-// Number of the subpath's vertices so far that can be connected.
-uint connectible;
-
-void stored_vertex_put(uint index, StoredVertex stored) {
-    connectible += is_connectible(stored.material) ? 1u : 0u;
-    light_vertex_put(index, stored);
-}
-
 // Traces a light subpath of the wave: a sample of the pixel that keys its random numbers.
 void render(uvec3 place) {
     uint path = place.y * LIGHT_PATHS_ROW + place.x;
@@ -22,11 +14,10 @@ void render(uvec3 place) {
         return;
     }
     film_rays = 0u;
-    connectible = 0u;
     Sampler numbers = sampler_start(job.seed, uvec2(wave.first_row), sample_index(path));
     Subpaths paths;
     uint vertices = light_path_trace(path, paths, numbers);
-    light_path_end(path, paths, vertices, connectible);
+    light_path_end(path, paths, vertices);
     count_rays(film_rays);
 }
 

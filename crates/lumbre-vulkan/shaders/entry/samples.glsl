@@ -7,6 +7,10 @@
 #include "transport/sampler/mod.glsl"
 #include "generated/integrator.glsl"
 
+uint sample_number() {
+    return film_sample;
+}
+
 #ifndef CAMERA_PATHS
 // Whatever the integrator does for a sample is one step.
 struct CameraPath {
@@ -49,6 +53,7 @@ void render(uvec3 place) {
     uint at = pixel_index(pixel), rays = 0u;
     uint i = PARALLEL_SAMPLES ? place.z : 0u;
     uint end = PARALLEL_SAMPLES ? place.z + 1u : wave.samples;
+    film_sample = sample_value_at(i, at);
     CameraPath path;
     Sampler numbers;
     // The sample of the path: no flag, see `LastScatter`.

@@ -12,6 +12,8 @@
 
 // The current sample: its pixel, its accumulated value, and the number of refused contributions.
 uvec2 film_pixel;
+// Its number among those that may be rendered at once.
+uint film_sample;
 vec3 film_value;
 uint film_invalid;
 // Number of rays of the current sample so far.

@@ -268,6 +268,9 @@ struct JobParams {
     uvec2 one_strategy; // Strategy (s, t) that is selected or left out; NONE, NONE for all.
     uint keep_strategy; // 1 if only that strategy is used, 0 if it is left out.
     uint light_path_count; // Number of light subpaths of an iteration; 0 if samples share none.
+    uint light_path_room; // Number of vertices for which each of them has room.
+    uint subpath_room; // Number of vertices for which a sample has room, of all subpaths that it traces.
+    uint subpath_slots; // Number of samples that have that room at the same time.
     uint connections; // Number of connections of a camera vertex with drawn light vertices.
     uint candidates; // Number of vertices that are drawn for each connection.
     uvec2 candidate_step; // Low and high word of 2^64 divided by that number, rounded down; 0 if it is 1.
@@ -380,8 +383,8 @@ struct LightPath {
     uint before; // Number of those of the earlier subpaths of its block.
 };
 
-// A vertex of a light subpath: the ray that hit the surface, and the hit. Everything that depends only on the scene is derived again when the vertex is connected.
-struct LightVertex {
+// A vertex of a subpath: the ray that hit the surface, and the hit. Everything that depends only on the scene is derived again when the vertex is connected.
+struct SubpathVertex {
     vec3 origin; // Origin of the ray.
     vec3 dir; // Direction of the ray.
     float t; // Distance of the hit.
@@ -390,13 +393,14 @@ struct LightVertex {
     vec2 uv; // Barycentric weights of the hit.
     uint material; // Row of the material, with NOT_CONNECTIBLE.
     float back; // Factor from a density per solid angle to the other side's density of the previous vertex.
+    float hit_others; // Root of the MIS terms of the other strategies if a camera vertex emits; else 0.
     vec3 throughput; // Throughput of the subpath up to this vertex.
     float d_vcm; // Root of the first partial sum of MIS terms.
     float d_vc; // Root of the second partial sum of MIS terms.
 };
 
-// Optical length of a light subpath up to a vertex.
-struct LightLength {
+// Optical length of a subpath up to a vertex.
+struct SubpathLength {
     float path; // Length of all segments.
     float delays; // Delays of previous vertices.
     float delay; // Delay of this vertex.

@@ -66,6 +66,12 @@ super::gpu_structs! {
         keep_strategy: u32,
         /// Number of light subpaths of an iteration; 0 if samples share none.
         light_path_count: u32,
+        /// Number of vertices for which each of them has room.
+        light_path_room: u32,
+        /// Number of vertices for which a sample has room, of all subpaths that it traces.
+        subpath_room: u32,
+        /// Number of samples that have that room at the same time.
+        subpath_slots: u32,
         /// Number of connections of a camera vertex with drawn light vertices.
         connections: u32,
         /// Number of vertices that are drawn for each connection.

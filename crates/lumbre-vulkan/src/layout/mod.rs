@@ -8,20 +8,20 @@
 
 mod film;
 mod job;
-mod light_paths;
 mod scene;
 mod specialization;
+mod subpaths;
 
 use lumbre_render::path_trace::MAX_PATH_EVENTS;
 
 pub use film::{Counters, Invalid, PathStep, SampleSums, SampleValue, SlotSums, WaveParams};
 pub use job::{EnvironmentRow, JobParams, LightChoice};
-pub use light_paths::{LightLength, LightListHead, LightPath, LightVertex};
 pub use scene::{
     DelayProfile, DirectionalLight, Emitter, InstanceTransform, Knot, Material, MaterialPart,
     Placement, PointLight, Sphere, Tangents, Texture, Triangle, TriangleAttributes,
 };
 pub use specialization::{ConstantLayout, Specialization};
+pub use subpaths::{LightListHead, LightPath, SubpathLength, SubpathVertex};
 
 /// Rust type with the bytes of a GLSL type in scalar block layout.
 pub trait GlslType {
@@ -105,7 +105,7 @@ pub fn structs() -> impl Iterator<Item = &'static StructLayout> {
         scene::STRUCTS,
         job::STRUCTS,
         film::STRUCTS,
-        light_paths::STRUCTS,
+        subpaths::STRUCTS,
     ]
     .into_iter()
     .flatten()

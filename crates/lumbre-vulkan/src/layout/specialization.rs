@@ -54,8 +54,6 @@ specialization! {
     sampler_kind: "SAMPLER_KIND" "uint" false = 0,
     /// Bit mask of the material models of the scene.
     models: "MODELS" "uint" false = 63,
-    /// Maximum number of stored vertices of each subpath of a bidirectional integrator.
-    max_depth: "MAX_DEPTH" "uint" false = 8,
     /// Whether the film has layers.
     layers: "LAYERS" "bool" false = 0,
     /// Whether the events of paths are recorded.

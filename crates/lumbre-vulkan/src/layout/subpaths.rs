@@ -1,4 +1,4 @@
-//! Structs of the light subpaths that the samples of an iteration share.
+//! Structs of the vertices of subpaths, and of the light subpaths that the samples of an iteration share.
 
 super::gpu_structs! {
     /// A light subpath: its start, and its vertices.
@@ -25,9 +25,9 @@ super::gpu_structs! {
         before: u32,
     }
 
-    /// A vertex of a light subpath: the ray that hit the surface, and the hit. Everything that depends
-    /// only on the scene is derived again when the vertex is connected.
-    pub struct LightVertex {
+    /// A vertex of a subpath: the ray that hit the surface, and the hit. Everything that depends only on
+    /// the scene is derived again when the vertex is connected.
+    pub struct SubpathVertex {
         /// Origin of the ray.
         origin: [f32; 3],
         /// Direction of the ray.
@@ -44,6 +44,8 @@ super::gpu_structs! {
         material: u32,
         /// Factor from a density per solid angle to the other side's density of the previous vertex.
         back: f32,
+        /// Root of the MIS terms of the other strategies if a camera vertex emits; else 0.
+        hit_others: f32,
         /// Throughput of the subpath up to this vertex.
         throughput: [f32; 3],
         /// Root of the first partial sum of MIS terms.
@@ -52,8 +54,8 @@ super::gpu_structs! {
         d_vc: f32,
     }
 
-    /// Optical length of a light subpath up to a vertex.
-    pub struct LightLength {
+    /// Optical length of a subpath up to a vertex.
+    pub struct SubpathLength {
         /// Length of all segments.
         path: f32,
         /// Delays of previous vertices.

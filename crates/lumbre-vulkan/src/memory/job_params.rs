@@ -2,6 +2,7 @@
 
 use super::delay_tables::double_words;
 use super::light_paths;
+use super::subpaths::SubpathRoom;
 use super::texel_words::TexelLayout;
 use crate::layout;
 use lumbre_light::film::layer::{Layer, LayerLayout};
@@ -19,12 +20,20 @@ pub(super) fn job_params(
     job: &lumbre_render::Job,
     lights: &Lights,
     layers: &LayerLayout,
+    room: &SubpathRoom,
     emission: u32,
 ) -> layout::JobParams {
     let params = camera_params(scene, job);
     let params = geometry_params(params, scene);
     let params = light_params(params, scene, lights);
     let params = layer_params(params, layers);
+    let params = layout::JobParams {
+        light_path_count: light_paths::count(job).unwrap_or(0),
+        light_path_room: room.of_light_path,
+        subpath_room: room.of_sample,
+        subpath_slots: room.samples,
+        ..params
+    };
     time_params(params, job, emission)
 }
 
@@ -61,7 +70,6 @@ fn camera_params(scene: &CompiledScene, job: &lumbre_render::Job) -> layout::Job
         },
         one_strategy: settings.one.unwrap_or([NONE; 2]),
         keep_strategy: settings.keep.into(),
-        light_path_count: light_paths::count(job).unwrap_or(0),
         connections: settings.connections,
         candidates: settings.candidates,
         candidate_step: {

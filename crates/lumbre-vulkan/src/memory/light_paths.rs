@@ -5,9 +5,10 @@ use std::sync::Arc;
 use ash::vk;
 
 use super::buffer::Buffer;
+use super::subpaths::SubpathRoom;
 use crate::context::device::Device;
 use crate::error::VulkanError;
-use crate::layout::{LIST_BLOCK, LightLength, LightListHead, LightPath, LightVertex};
+use crate::layout::{LIST_BLOCK, LightListHead, LightPath};
 use crate::pipelines::compute::BoundResource;
 use lumbre_light::transport::integrator::Settings;
 use lumbre_light::transport::integrator::lvc::cache;
@@ -26,11 +27,15 @@ pub fn count(job: &Job) -> Option<u32> {
     Some(u32::try_from(count).unwrap_or(u32::MAX))
 }
 
-/// Buffers of light subpaths; of a few bytes for jobs whose samples share none.
+/// Returns the number of light subpaths for which a job needs room: those of an iteration, or those
+/// from which it is prepared.
+pub fn stored(job: &Job) -> u64 {
+    count(job).map_or(0, |count| u64::from(count).max(cache::PREPARED_PATHS))
+}
+
+/// Buffers of light subpaths and their list; of a few bytes for jobs whose samples share none.
 pub struct LightPathBuffers {
     paths: Buffer,
-    vertices: Buffer,
-    lengths: Buffer,
     list: Buffer,
 }
 
@@ -39,29 +44,28 @@ impl LightPathBuffers {
     ///
     /// # Errors
     /// Returns an error if the device has no room for them.
-    pub fn new(device: &Arc<Device>, job: &Job) -> Result<LightPathBuffers, VulkanError> {
-        // The subpaths from which the job is prepared need room as well.
-        let paths = count(job).map_or(0, |count| u64::from(count).max(cache::PREPARED_PATHS));
-        let vertices = paths * u64::from(job.max_depth.max(2) - 1);
-        let timed = if job.timing.is_some() { vertices } else { 0 };
+    pub fn new(
+        device: &Arc<Device>,
+        job: &Job,
+        room: &SubpathRoom,
+    ) -> Result<LightPathBuffers, VulkanError> {
+        let paths = stored(job);
+        let vertices = paths * u64::from(room.of_light_path);
         let blocks = paths.div_ceil(u64::from(LIST_BLOCK));
         let list = size_of::<LightListHead>() as u64 + 4 * (blocks + vertices);
-        // The 32 bits of a buffer's size hold fewer vertices than the 32 bits of their numbers.
         let buffer = |name: &str, size: u64| {
             let usage = vk::BufferUsageFlags::empty();
             Buffer::bound(device, name, size.max(16), usage, REMEDY)
         };
         Ok(LightPathBuffers {
             paths: buffer("light paths", paths * size_of::<LightPath>() as u64)?,
-            vertices: buffer("light vertices", vertices * size_of::<LightVertex>() as u64)?,
-            lengths: buffer("light lengths", timed * size_of::<LightLength>() as u64)?,
             list: buffer("light vertex list", list)?,
         })
     }
 
-    /// Returns the bindings after those of the films, in the order of `shaders/iteration.glsl`.
-    pub fn bindings(&self) -> [BoundResource<'_>; 4] {
-        [&self.paths, &self.vertices, &self.lengths, &self.list].map(BoundResource::Storage)
+    /// Returns the bindings after those of vertices, in the order of `shaders/iteration.glsl`.
+    pub fn bindings(&self) -> [BoundResource<'_>; 2] {
+        [&self.paths, &self.list].map(BoundResource::Storage)
     }
 
     /// Writes the expected number of connections with each vertex of a light subpath.

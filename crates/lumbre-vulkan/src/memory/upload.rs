@@ -8,6 +8,7 @@ use glam::Vec3;
 use super::buffer::Buffer;
 use super::delay_tables::{DelayRows, double_words};
 use super::job_params::job_params;
+use super::subpaths::SubpathRoom;
 use super::texel_blocks::Texels;
 use super::texel_words::{Place, TexelLayout, environment_map};
 use crate::context::device::Device;
@@ -145,12 +146,13 @@ impl JobBuffers {
         scene: &CompiledScene,
         job: &lumbre_render::Job,
         layers: &LayerLayout,
+        room: &SubpathRoom,
     ) -> Result<JobBuffers, VulkanError> {
         let plain = vk::BufferUsageFlags::empty();
         let lights = Lights::with_select(scene, LightSelection::from_params(&job.params));
         let (rows, cells) = environment_tables(&lights);
         let delays = DelayRows::new(scene, job.timing.as_ref());
-        let params = job_params(scene, job, &lights, layers, delays.emission);
+        let params = job_params(scene, job, &lights, layers, room, delays.emission);
         Ok(JobBuffers {
             job: Buffer::with(
                 device,

@@ -379,41 +379,20 @@ fn create_layout(
         .map_err(|r| device.failed("vkCreatePipelineLayout", r))
 }
 
-/// Bytes of a path vertex of bidirectional integrators in the private memory of an invocation with
-/// a time axis: `StoredVertex` of `shaders/transport/integrator/bdpt/subpath.glsl`.
-const VERTEX_BYTES: u32 = 92;
-
-/// Returns the error of a pipeline that the driver could not create: it states the private memory
-/// that its shaders need, which is the most likely reason.
+/// Returns the error of a pipeline that the driver could not create.
 pub(super) fn refused(
     device: &Device,
     call: &'static str,
     pipeline: &str,
-    constants: &Specialization,
     result: vk::Result,
 ) -> VulkanError {
     match result {
         vk::Result::ERROR_DEVICE_LOST => device.failed(call, result),
-        _ => refusal(device.info.line(), pipeline, constants.max_depth, result),
-    }
-}
-
-/// Returns the error of a driver that cannot create a pipeline whose shaders store the vertices of
-/// paths of up to `max_depth` edges; 0 if they store none.
-fn refusal(device: String, pipeline: &str, max_depth: u32, result: vk::Result) -> VulkanError {
-    let remedy = match max_depth {
-        0 => "update the driver, or use another backend or integrator".to_owned(),
-        depth => format!(
-            "paths of up to {depth} edges take up to {} KiB of private memory in every \
-             invocation; lower `max_depth`, or use another backend or integrator",
-            (2 * depth * VERTEX_BYTES).div_ceil(1024)
-        ),
-    };
-    VulkanError::PipelineRefused {
-        device,
-        pipeline: pipeline.to_owned(),
-        result,
-        remedy,
+        _ => VulkanError::PipelineRefused {
+            device: device.info.line(),
+            pipeline: pipeline.to_owned(),
+            result,
+        },
     }
 }
 
@@ -455,8 +434,7 @@ impl ComputePipeline {
                         .create_compute_pipelines(device.pipelines, &[info], None)
                 };
                 let call = "vkCreateComputePipelines";
-                let made =
-                    made.map_err(|(_, result)| refused(device, call, name, constants, result));
+                let made = made.map_err(|(_, result)| refused(device, call, name, result));
                 made.map(|pipelines| pipelines[0])
             },
         )?;
@@ -500,32 +478,26 @@ mod tests {
     use ash::vk;
     use lumbre_render::RenderError;
 
-    use super::{ADDRESSES, FLOAT64, needs, refusal};
+    use super::{ADDRESSES, FLOAT64, needs};
+    use crate::error::VulkanError;
     use crate::pipelines::modules;
     use crate::pipelines::program::TracingMode;
     use crate::pipelines::sources::Sources;
     use crate::renderer::into_render_error;
 
     #[test]
-    fn a_pipeline_that_a_driver_refuses_is_an_error_with_the_likely_reason() {
-        let refused = |max_depth: u32| {
-            let result = vk::Result::ERROR_UNKNOWN;
-            let error = refusal("a card".to_owned(), "bdpt by vulkan", max_depth, result);
-            into_render_error(TracingMode::Pipeline, error)
+    fn a_pipeline_that_a_driver_refuses_is_an_error_with_a_mend() {
+        let refused = VulkanError::PipelineRefused {
+            device: "a card".to_owned(),
+            pipeline: "bdpt by vulkan".to_owned(),
+            result: vk::Result::ERROR_UNKNOWN,
         };
-        let message = refused(32).to_string();
-        assert!(matches!(refused(32), RenderError::Unsupported { .. }));
-        for part in [
-            "a card",
-            "bdpt by vulkan",
-            "UNKNOWN",
-            "6 KiB",
-            "lower `max_depth`",
-        ] {
+        let error = into_render_error(TracingMode::Pipeline, refused);
+        assert!(matches!(error, RenderError::Unsupported { .. }));
+        let message = error.to_string();
+        for part in ["a card", "bdpt by vulkan", "UNKNOWN", "another backend"] {
             assert!(message.contains(part), "{message}");
         }
-        let message = refused(0).to_string();
-        assert!(message.contains("another backend") && !message.contains("max_depth"));
     }
 
     #[test]

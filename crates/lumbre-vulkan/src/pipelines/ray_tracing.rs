@@ -142,7 +142,7 @@ impl RayTracingPipeline {
                 )
             };
             let call = "vkCreateRayTracingPipelinesKHR";
-            let made = made.map_err(|(_, result)| refused(device, call, name, constants, result));
+            let made = made.map_err(|(_, result)| refused(device, call, name, result));
             made.map(|pipelines| pipelines[0])
         };
         let pipeline =

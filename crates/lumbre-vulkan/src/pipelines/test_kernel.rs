@@ -19,6 +19,7 @@ use crate::error::VulkanError;
 use crate::films::device_film::SplatMode;
 use crate::layout::Specialization;
 use crate::memory::buffer::Buffer;
+use crate::memory::subpaths::{SubpathBuffers, SubpathRoom};
 use crate::memory::upload;
 use crate::memory::upload::{JobBuffers, SceneBuffers};
 
@@ -191,6 +192,13 @@ pub fn recipes(folder: &Path) -> io::Result<Vec<Recipe>> {
 /// Module of a kernel: its stage, and the bytes of its SPIR-V.
 pub type Kernel = (KernelStage, &'static [u8]);
 
+/// The scene and the job of a kernel, and the room for subpaths for which the job was copied, of one
+/// sample for each row.
+pub type KernelScene<'a> = (&'a SceneBuffers, &'a JobBuffers, &'a SubpathRoom);
+
+/// Number of bindings of films after those of a kernel's words.
+const FILMS: usize = 8;
+
 /// Runs a kernel with these constants over rows of `in_words` words each and returns `out_words`
 /// words per row.
 ///
@@ -198,7 +206,7 @@ pub type Kernel = (KernelStage, &'static [u8]);
 /// Returns an error if the device fails.
 pub fn run(
     device: &Arc<Device>,
-    (scene, job): (&SceneBuffers, &JobBuffers),
+    (scene, job, room): KernelScene,
     ((stage, spirv), constants): (Kernel, &Specialization),
     inputs: &[u32],
     [in_words, out_words]: [usize; 2],
@@ -218,6 +226,10 @@ pub fn run(
         BoundResource::Storage(&input),
         BoundResource::Storage(&output),
     ]);
+    // Kernels have no films.
+    bound.extend((0..FILMS).map(|_| BoundResource::Storage(&output)));
+    let subpaths = SubpathBuffers::new(device, room, 0, true)?;
+    bound.extend(subpaths.bindings());
     let push = KernelPush {
         rows,
         in_words: in_words as u32,

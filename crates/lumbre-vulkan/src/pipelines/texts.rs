@@ -42,6 +42,7 @@ embed![
     "math/rng.glsl",
     "math/warp.glsl",
     "scene.glsl",
+    "subpaths.glsl",
     "trace/bvh.glsl",
     "trace/instances.glsl",
     "trace/intersect.glsl",

@@ -55,6 +55,8 @@ pub struct WaveSplitter {
     samples: u64,
     /// Greatest number of samples in one dispatch.
     at_once: u64,
+    /// Greatest number of rows in one dispatch.
+    most_rows: u32,
     /// Start of the next dispatch; has no samples before the first row of new ones.
     next: DispatchRange,
 }
@@ -66,6 +68,7 @@ impl WaveSplitter {
             size,
             samples,
             at_once: MAX_SAMPLES,
+            most_rows: size[1],
             next: DispatchRange {
                 done: 0,
                 samples: 0,
@@ -80,6 +83,14 @@ impl WaveSplitter {
         WaveSplitter { at_once, ..self }
     }
 
+    /// Limits the rows in one dispatch.
+    pub fn rows(self, rows: u32) -> WaveSplitter {
+        WaveSplitter {
+            most_rows: self.most_rows.min(rows),
+            ..self
+        }
+    }
+
     /// Returns the next dispatch.
     fn next_dispatch(&mut self, pacer: &DispatchPacer) -> Option<DispatchRange> {
         let [width, height] = self.size;
@@ -91,10 +102,14 @@ impl WaveSplitter {
         }
         if self.next.row == 0 {
             let left = (self.samples - self.next.done).min(self.at_once);
-            self.next.samples = pacer.samples(self.size, left);
+            self.next.samples = pacer.samples([width, self.most_rows], left);
         }
         let range = DispatchRange {
-            rows: pacer.rows(width, self.next.samples, height - self.next.row),
+            rows: pacer.rows(
+                width,
+                self.next.samples,
+                self.most_rows.min(height - self.next.row),
+            ),
             ..self.next
         };
         self.next.row += range.rows;

@@ -5,6 +5,7 @@
 use lumbre_render::Job;
 
 use crate::context::physical_device::DeviceInfo;
+use crate::memory::subpaths;
 
 /// Number of pixels below which samples run in parallel: about as many as an H100 can hold invocations.
 const FEW_PIXELS: u64 = 1 << 18;
@@ -53,9 +54,10 @@ impl PixelSamples {
 
     /// Returns the largest number of samples of a pixel that a job can render at once, or `None` if
     /// its film has layers or a time axis, whose values of a sample are many, or too many pixels, or if
-    /// each sample shares data of its own between pixels.
+    /// each sample shares data of its own between pixels. The vertices that samples store limit it, too.
     pub fn parallel(job: &Job) -> Option<PixelSamples> {
-        let at_once = (MAX_VALUES / pixels(job).max(1)).min(MAX_AT_ONCE);
+        let values = MAX_VALUES.min(subpaths::samples_anywhere(job));
+        let at_once = (values / pixels(job).max(1)).min(MAX_AT_ONCE);
         let is_plain =
             job.layers.is_empty() && job.timing.is_none() && job.integrator.sharing.is_none();
         (is_plain && at_once > 1).then_some(PixelSamples::Parallel(at_once as u32))

@@ -6,13 +6,6 @@
 #include "transport/integrator/bdpt/connect.glsl"
 #include "transport/integrator/settings.glsl"
 
-// The vertices of both subpaths: camera vertices first, then light vertices.
-StoredVertex vertices[2u * MAX_DEPTH];
-
-void stored_vertex_put(uint index, StoredVertex stored) {
-    vertices[index] = stored;
-}
-
 float counts_connecting() {
     return 1.0;
 }
@@ -25,7 +18,8 @@ float counts_lens() {
 void bdpt_sample(uvec2 pixel, inout Sampler numbers) {
     uint h = settings_heuristic();
     bool raw = settings_unweighted();
-    Subpaths paths = trace_subpaths(h, pixel, job.max_depth, MAX_DEPTH, numbers);
+    Subpaths paths = trace_subpaths(h, pixel, job.max_depth, numbers);
+    uint first = own_vertices();
     // Light outside the scene first, then every camera vertex, then the lens alone.
     for (uint row = 0u; row <= paths.camera + 1u; ++row) {
         bool escaped = row == 0u;
@@ -53,11 +47,11 @@ void bdpt_sample(uvec2 pixel, inout Sampler numbers) {
             bool loads_z = slot == 0u && !escaped && t >= 2u;
             Vertex y;
             if (loads_z || (used && s >= 2u)) {
-                uint index = loads_z ? t - 2u : MAX_DEPTH + s - 2u;
-                if (!loads_z && !is_connectible(vertices[index].material)) {
+                uint index = first + (loads_z ? t - 2u : job.max_depth + s - 2u);
+                if (!loads_z && !is_connectible(subpath_vertices[index].material)) {
                     continue;
                 }
-                y = vertex_of(vertices[index], loads_z ? RADIANCE : IMPORTANCE);
+                y = vertex_at(index, loads_z ? RADIANCE : IMPORTANCE);
                 if (loads_z) {
                     end_z = y;
                 }

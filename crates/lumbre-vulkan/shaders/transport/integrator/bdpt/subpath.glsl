@@ -2,7 +2,7 @@
 #ifndef TRANSPORT_INTEGRATOR_BDPT_SUBPATH_GLSL
 #define TRANSPORT_INTEGRATOR_BDPT_SUBPATH_GLSL
 
-#include "scene.glsl"
+#include "subpaths.glsl"
 #include "transport/bsdf/mod.glsl"
 #include "transport/camera/lens.glsl"
 #include "transport/path_time.glsl"
@@ -27,20 +27,6 @@ struct Vertex {
     TerminatorOffset terminator;
     // Radiance emitted at a camera vertex, and the root of the MIS terms of the other strategies.
     vec3 emitted;
-    float hit_others;
-    vec3 throughput;
-    MisPartials partials;
-    OpticalLength optical;
-};
-
-// What is stored of a vertex, 76 bytes, and 16 more with a time axis: the ray that hit the surface
-// and where, from which everything that depends only on the scene is derived again.
-struct StoredVertex {
-    Ray ray;
-    Hit hit;
-    // Row of the material, with NOT_CONNECTIBLE.
-    uint material;
-    float back;
     float hit_others;
     vec3 throughput;
     MisPartials partials;
@@ -86,8 +72,14 @@ struct Subpaths {
     float emitted;
 };
 
-// Stores the vertex with this index: the integrator must define where.
-void stored_vertex_put(uint index, StoredVertex stored);
+// Returns the number of the sample among those that may be rendered at once: an entry must define it.
+uint sample_number();
+
+// Returns the index of the first vertex of the sample, in the buffers of `subpaths.glsl`.
+uint own_vertices() {
+    return job.light_path_count * job.light_path_room
+        + sample_number() % job.subpath_slots * job.subpath_room;
+}
 
 const LightPoint NO_POINT = LightPoint(NONE, vec3(0.0), vec3(0.0), 0.0, Uv(0.0));
 
@@ -172,27 +164,29 @@ bool edge_vertex_at(Edge e, uint h, Surface surface, uint mode, vec3 throughput,
 
 // Stores a vertex at a hit of `ray` on a surface of the given material.
 void vertex_store(uint index, Vertex v, Ray ray, Hit hit, uint material) {
-    stored_vertex_put(index, StoredVertex(
-        ray, hit, v.connectible ? material : material | NOT_CONNECTIBLE, v.back, v.hit_others,
-        v.throughput, v.partials, v.optical
-    ));
-}
-
-// Returns whether a stored vertex can be connected, from its field `material`.
-bool is_connectible(uint material) {
-    return (material & NOT_CONNECTIBLE) == 0u;
+    subpath_vertices[index] = SubpathVertex(
+        ray.origin, ray.dir, hit.t, hit.primitive, hit.instance, hit.uv,
+        v.connectible ? material : material | NOT_CONNECTIBLE, v.back, v.hit_others, v.throughput,
+        v.partials.d_vcm, v.partials.d_vc
+    );
+    if (TIMES) {
+        subpath_lengths[index] = SubpathLength(
+            v.optical.path, v.optical.delays, v.optical.delay, v.optical.index
+        );
+    }
 }
 
 // Returns a vertex as it was before it was stored: its surface and BSDF are derived again.
-Vertex vertex_of(StoredVertex stored, uint mode) {
-    Surface surface = surface_with_material(
-        stored.ray, stored.hit, stored.material & ~NOT_CONNECTIBLE
-    );
+Vertex vertex_at(uint index, uint mode) {
+    SubpathVertex stored = subpath_vertices[index];
+    Ray ray = Ray(stored.origin, stored.dir);
+    Hit hit = Hit(stored.t, stored.primitive, stored.instance, stored.uv);
+    Surface surface = surface_with_material(ray, hit, stored.material & ~NOT_CONNECTIBLE);
     Vertex v;
     v.position = surface.position;
     v.n_geometric = surface.n_geometric;
     v.extent = surface.extent;
-    v.wo = -stored.ray.dir;
+    v.wo = -stored.dir;
     v.back = stored.back;
     v.bsdf = bsdf_new(surface);
     v.connectible = is_connectible(stored.material);
@@ -200,8 +194,12 @@ Vertex vertex_of(StoredVertex stored, uint mode) {
     v.emitted = mode == RADIANCE ? surface_emitted(surface, v.wo) : vec3(0.0);
     v.hit_others = stored.hit_others;
     v.throughput = stored.throughput;
-    v.partials = stored.partials;
-    v.optical = stored.optical;
+    v.partials = MisPartials(stored.d_vcm, stored.d_vc);
+    v.optical = OpticalLength(0.0, 0.0, 0.0, 1.0);
+    if (TIMES) {
+        SubpathLength length = subpath_lengths[index];
+        v.optical = OpticalLength(length.path, length.delays, length.delay, length.index);
+    }
     return v;
 }
 
@@ -373,15 +371,15 @@ Subpaths trace_camera(uint h, uvec2 pixel, uint max_edges, inout Sampler numbers
     Subpaths paths = subpaths_new(aux_rng_emission(aux_rng));
     Departure d = depart_from_camera(h, pixel, paths, numbers);
     PathTime path_time = path_time_from_camera(d.ray, paths.emitted);
-    paths.camera = walk(h, RADIANCE, 0u, max_edges, d, path_time, paths, aux_rng, numbers);
+    paths.camera = walk(
+        h, RADIANCE, own_vertices(), max_edges, d, path_time, paths, aux_rng, numbers
+    );
     return paths;
 }
 
 // Traces both subpaths of a sample, with up to `max_edges` edges; the vertices of the light subpath
-// are stored from the index `first_light` on.
-Subpaths trace_subpaths(
-    uint h, uvec2 pixel, uint max_edges, uint first_light, inout Sampler numbers
-) {
+// are stored `max_edges` behind the first one of the camera subpath.
+Subpaths trace_subpaths(uint h, uvec2 pixel, uint max_edges, inout Sampler numbers) {
     AuxRng aux_rng = aux_rng_new(numbers);
     Subpaths paths = subpaths_new(aux_rng_emission(aux_rng));
     [[dont_unroll]] for (uint mode = RADIANCE; mode <= IMPORTANCE; ++mode) {
@@ -396,7 +394,7 @@ Subpaths trace_subpaths(
         if (camera) {
             path_time = path_time_from_camera(d.ray, paths.emitted);
         }
-        uint first = camera ? 0u : first_light;
+        uint first = own_vertices() + (camera ? 0u : max_edges);
         uint edges = camera ? max_edges : max_edges - 1u;
         uint count = walk(h, mode, first, edges, d, path_time, paths, aux_rng, numbers);
         if (camera) {

@@ -7,35 +7,6 @@
 #include "transport/integrator/bdpt/subpath.glsl"
 #include "transport/integrator/settings.glsl"
 
-// Stores a vertex of a light subpath.
-void light_vertex_put(uint index, StoredVertex stored) {
-    light_vertices[index] = LightVertex(
-        stored.ray.origin, stored.ray.dir, stored.hit.t, stored.hit.primitive,
-        stored.hit.instance, stored.hit.uv, stored.material, stored.back, stored.throughput,
-        stored.partials.d_vcm, stored.partials.d_vc
-    );
-    if (TIMES) {
-        OpticalLength optical = stored.optical;
-        light_lengths[index] = LightLength(
-            optical.path, optical.delays, optical.delay, optical.index
-        );
-    }
-}
-
-// Returns a stored vertex of a light subpath: `vertex` in Rust, which also derives its BSDF.
-StoredVertex light_vertex_at(uint index) {
-    LightVertex v = light_vertices[index];
-    OpticalLength optical = OpticalLength(0.0, 0.0, 0.0, 1.0);
-    if (TIMES) {
-        LightLength stored = light_lengths[index];
-        optical = OpticalLength(stored.path, stored.delays, stored.delay, stored.index);
-    }
-    return StoredVertex(
-        Ray(v.origin, v.dir), Hit(v.t, v.primitive, v.instance, v.uv), v.material, v.back, 0.0,
-        v.throughput, MisPartials(v.d_vcm, v.d_vc), optical
-    );
-}
-
 // Traces light subpath number `path` and stores it: `follow` in Rust. Returns how many of its
 // vertices were stored; `light_path_end` completes it.
 uint light_path_trace(uint path, inout Subpaths paths, inout Sampler numbers) {
@@ -47,14 +18,18 @@ uint light_path_trace(uint path, inout Subpaths paths, inout Sampler numbers) {
     }
     PathTime path_time = path_time_from_light(d.edge.from);
     return walk(
-        settings_heuristic(), IMPORTANCE, path * light_path_room(), job.max_depth - 1u, d,
+        settings_heuristic(), IMPORTANCE, path * job.light_path_room, job.max_depth - 1u, d,
         path_time, paths, aux_rng, numbers
     );
 }
 
 // Stores the start of a light subpath, and the number of its vertices and of those that can be
 // connected.
-void light_path_end(uint path, Subpaths paths, uint vertices, uint connectible) {
+void light_path_end(uint path, Subpaths paths, uint vertices) {
+    uint first = path * job.light_path_room, connectible = 0u;
+    for (uint i = 0u; i < vertices; ++i) {
+        connectible += is_connectible(subpath_vertices[first + i].material) ? 1u : 0u;
+    }
     EmissionSample start = paths.start;
     light_paths[path] = LightPath(
         paths.started ? start.point.light : NONE, start.point.position, start.point.normal,

@@ -9,13 +9,6 @@
 #include "transport/integrator/lvc/cache.glsl"
 #include "transport/integrator/settings.glsl"
 
-// The vertices of the camera subpath.
-StoredVertex vertices[MAX_DEPTH];
-
-void stored_vertex_put(uint index, StoredVertex stored) {
-    vertices[index] = stored;
-}
-
 // A connection with one of several drawn vertices.
 struct Drawing {
     // Position of the first candidate, and the number that chooses among them.
@@ -61,7 +54,7 @@ void lvc_sample(uvec2 pixel, inout Sampler numbers) {
         if (escaped && !paths.escaped) {
             continue;
         }
-        uint first = own * light_path_room();
+        uint first = own * job.light_path_room;
         if (lens) {
             light_path_load(own, paths);
             own += pixels;
@@ -89,17 +82,16 @@ void lvc_sample(uvec2 pixel, inout Sampler numbers) {
             bool loads_z = slot == 0u && !escaped;
             Vertex y;
             if (loads_z || further) {
-                StoredVertex stored;
                 if (loads_z) {
-                    stored = vertices[t - 2u];
+                    vertex = own_vertices() + t - 2u;
                 } else {
-                    s = vertex % light_path_room() + 2u;
-                    if (!is_connectible(light_vertices[vertex].material) || s + t - 1u > job.max_depth) {
+                    s = vertex % job.light_path_room + 2u;
+                    uint material = subpath_vertices[vertex].material;
+                    if (!is_connectible(material) || s + t - 1u > job.max_depth) {
                         continue;
                     }
-                    stored = light_vertex_at(vertex);
                 }
-                y = vertex_of(stored, loads_z ? RADIANCE : IMPORTANCE);
+                y = vertex_at(vertex, loads_z ? RADIANCE : IMPORTANCE);
                 if (loads_z) {
                     end_z = y;
                 }
