@@ -148,6 +148,7 @@ pub fn decode(bytes: &[u8]) -> Result<(Image, Vec<(String, String)>), OutputErro
 
 #[cfg(test)]
 mod tests {
+    use std::io::Write;
     use std::path::PathBuf;
 
     use exr::prelude::f16;
@@ -335,7 +336,12 @@ mod tests {
             PathBuf::from,
         );
         let Ok(folder) = std::fs::read_dir(shared.join("references")) else {
-            println!("SKIPPED: no folder {}", shared.join("references").display());
+            let line = format!(
+                "SKIPPED: no folder {}\n",
+                shared.join("references").display()
+            );
+            // Past the test harness, which keeps what tests that pass print.
+            std::io::stderr().write_all(line.as_bytes()).unwrap();
             return;
         };
         let mut compared = 0;

@@ -1,6 +1,7 @@
 //! Scenes made in code, and the renders and statistics that several test binaries need.
 #![allow(dead_code, reason = "every test binary uses its own part of this")]
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -329,6 +330,13 @@ pub fn shared() -> Option<PathBuf> {
     let root = std::env::var_os("LUMBRE_SHARED")
         .map_or_else(|| repository().join("../shared"), PathBuf::from);
     root.join("scenes").is_dir().then_some(root)
+}
+
+/// Prints that a test or a part of it is skipped, and the reason. Written past the test harness, which
+/// keeps what tests that pass print with `println!`.
+pub fn skipped(reason: impl std::fmt::Display) {
+    let line = format!("SKIPPED: {reason}\n");
+    std::io::stderr().write_all(line.as_bytes()).unwrap();
 }
 
 /// Returns a time axis with default settings.

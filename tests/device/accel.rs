@@ -132,10 +132,10 @@ fn an_acceleration_structure_may_exceed_the_size_limit_of_arrays() {
     };
     let kind = harness::fastest_to_compile(&device);
     if kind == TracingMode::Compute {
-        println!(
-            "SKIPPED: {} has no acceleration structures",
+        crate::common::skipped(format_args!(
+            "{} has no acceleration structures",
             device.info.line()
-        );
+        ));
         return;
     }
     let mut b =
@@ -170,7 +170,9 @@ fn an_acceleration_structure_may_exceed_the_size_limit_of_arrays() {
     renderer.advance(1).unwrap();
     println!("acceleration structures of {bytes} bytes with a limit of {range} for arrays");
     if bytes <= range && !device.info.software {
-        println!("SKIPPED: the structures of this driver are smaller than the arrays of the scene");
+        crate::common::skipped(format_args!(
+            "the structures of this driver are smaller than the arrays of the scene"
+        ));
     } else {
         assert!(bytes > range, "the scene is too small for this test");
     }

@@ -233,10 +233,10 @@ fn memory_is_asked_for_before_it_is_allocated() {
     let message = unbound_buffer(&limited, (1 << 20) + 4);
     assert!(message.contains("no larger buffer"), "{message}");
     if !device.info.caps.memory_budget {
-        return println!(
-            "SKIPPED: {} does not report free memory",
+        return crate::common::skipped(format_args!(
+            "{} does not report free memory",
             device.info.line()
-        );
+        ));
     }
     let (left, heap) = (device.info.memory_left(), device.info.limits.heap);
     assert!(0 < left && left < heap, "{left} of {heap} bytes are left");

@@ -37,7 +37,7 @@ pub fn device() -> Option<Arc<Device>> {
         Ok(device) => Some(Arc::clone(device)),
         Err(reason) if required() => panic!("REQUIRE_DEVICE is set, but: {reason}"),
         Err(reason) => {
-            println!("SKIPPED: needs a Vulkan device: {reason}");
+            crate::common::skipped(format_args!("needs a Vulkan device: {reason}"));
             None
         }
     }

@@ -30,7 +30,7 @@ pub fn supported_modes(device: &Device) -> Vec<TracingMode> {
     let able = |kind: &TracingMode| {
         let lacking = kind.lacking(&device.info);
         if let Some(what) = lacking {
-            println!("SKIPPED: {} lacks {what}", device.info.line());
+            common::skipped(format_args!("{} lacks {what}", device.info.line()));
         }
         lacking.is_none()
     };

@@ -87,7 +87,10 @@ fn shaders_find_every_texel_in_blocks_of_every_size() {
         return;
     };
     if !device.info.caps.extended() {
-        println!("SKIPPED: {} has no extended shaders", device.info.line());
+        common::skipped(format_args!(
+            "{} has no extended shaders",
+            device.info.line()
+        ));
         return;
     }
     let (scene, job) = (scene(), job([8, 8], 2, 1));
@@ -141,7 +144,10 @@ fn a_scene_with_texels_in_blocks_is_the_same_in_every_tracing_mode() {
         return;
     };
     if !device.info.caps.extended() {
-        println!("SKIPPED: {} has no extended shaders", device.info.line());
+        common::skipped(format_args!(
+            "{} has no extended shaders",
+            device.info.line()
+        ));
         return;
     }
     let (scene, blocks) = (scene(), limited_to(&device, 15));

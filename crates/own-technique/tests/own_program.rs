@@ -9,6 +9,7 @@
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -248,7 +249,9 @@ fn device_backends_refuse_the_technique_when_the_plan_is_made() {
     let error = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(2), "{error}");
     if std::env::var_os("REQUIRE_DEVICE").is_none() && !error.contains("no shader") {
-        println!("SKIPPED: this machine has no Vulkan device: {error}");
+        // Past the test harness, which keeps what tests that pass print.
+        let line = format!("SKIPPED: this machine has no Vulkan device: {error}\n");
+        std::io::stderr().write_all(line.as_bytes()).unwrap();
         return;
     }
     assert!(

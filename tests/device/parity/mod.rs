@@ -199,10 +199,10 @@ fn kernel_device() -> Option<Arc<Device>> {
     let device = harness::device()?;
     let lacking = TracingMode::Pipeline.lacking(&device.info);
     if lacking.is_some() || !device.info.caps.extended() {
-        println!(
-            "SKIPPED: {} lacks ray-tracing pipelines or double precision",
+        crate::common::skipped(format_args!(
+            "{} lacks ray-tracing pipelines or double precision",
             device.info.line()
-        );
+        ));
         return None;
     }
     Some(device)

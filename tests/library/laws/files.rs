@@ -40,7 +40,6 @@ fn only_the_command_line_prints() {
         .filter(|f| !f.starts_with("src/cli/") && !f.contains("tests"))
     {
         let code = code_only(&text(&file));
-        // Tests print which tests are skipped and why.
         let code = code
             .split("#[cfg(test)]\nmod tests {")
             .next()
@@ -49,6 +48,21 @@ fn only_the_command_line_prints() {
             let calls = words(code, name).any(|at| code[at + name.len()..].starts_with('!'));
             assert!(!calls, "{file}: {name}! belongs to src/cli");
         }
+    }
+}
+
+#[test]
+fn skipped_tests_are_printed_past_the_harness() {
+    // Assembled here so that this file does not match itself.
+    let kept = ["println!(\"", "SKIPPED"].concat();
+    for file in ["tests", "crates", "src"]
+        .iter()
+        .flat_map(|f| rust_files(f))
+    {
+        assert!(
+            !text(&file).contains(&kept),
+            "{file}: tests that pass keep what they print; call `common::skipped`"
+        );
     }
 }
 

@@ -21,7 +21,7 @@ pub(super) fn shared(what: &str) -> Option<PathBuf> {
     if path.exists() {
         return Some(path);
     }
-    println!("SKIPPED: {} is not on this machine", path.display());
+    crate::common::skipped(format_args!("{} is not on this machine", path.display()));
     None
 }
 

@@ -198,7 +198,9 @@ fn the_recipe_with_mitsuba_runs_if_it_is_installed() {
     let Some(python) = super::external::interpreter() else {
         let planned = run(&Workplace::new(), &["plan"], name, &[]);
         assert_eq!(planned.status, 0, "{}", planned.stderr);
-        println!("SKIPPED: no interpreter with the package mitsuba; {name} was planned only");
+        crate::common::skipped(format_args!(
+            "no interpreter with the package mitsuba; {name} was planned only"
+        ));
         return;
     };
     check_run(name, &[format!("python={python}")]);
@@ -223,10 +225,10 @@ fn mitsuba_luxcore_and_cycles_render_the_picture_of_this_program_if_they_are_ins
     for technique in ["mitsuba", "luxcore-path", "luxcore-bidir", "cycles"] {
         let row = format!("| external:{technique} ");
         let Some(line) = table.lines().find(|line| line.starts_with(&row)) else {
-            println!(
-                "SKIPPED: {technique}; LUMBRE_RENDERERS_PYTHON and LUMBRE_MITSUBA_PYTHON name \
+            crate::common::skipped(format_args!(
+                "{technique}; LUMBRE_RENDERERS_PYTHON and LUMBRE_MITSUBA_PYTHON name \
                  interpreters with it"
-            );
+            ));
             continue;
         };
         // The mean over repeats stands before its interval.

@@ -314,7 +314,7 @@ fn the_page_works_in_a_browser_without_a_network() {
             .output()
             .is_ok_and(|o| o.status.success())
     }) else {
-        println!("SKIPPED: none of {} is installed", browsers.join(", "));
+        crate::common::skipped(format_args!("none of {} is installed", browsers.join(", ")));
         return;
     };
     let place = reported();
@@ -336,7 +336,7 @@ fn tables_figures_and_methods_compile_in_latex() {
         .output()
         .is_ok_and(|o| o.status.success())
     {
-        println!("SKIPPED: pdflatex is not installed");
+        crate::common::skipped(format_args!("pdflatex is not installed"));
         return;
     }
     let place = reported();

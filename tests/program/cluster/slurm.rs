@@ -105,7 +105,9 @@ fn a_night_on_slurm_survives_killed_requeued_and_expired_jobs() {
         Err(reason) if std::env::var("REQUIRE_SLURM").is_ok_and(|v| v == "1") => {
             panic!("Slurm cannot be started: {reason}")
         }
-        Err(reason) => return println!("SKIPPED: Slurm cannot be started: {reason}"),
+        Err(reason) => {
+            return crate::common::skipped(format_args!("Slurm cannot be started: {reason}"));
+        }
     };
     let place = Workplace::new();
     place.write("grid.lua", &script(4000));

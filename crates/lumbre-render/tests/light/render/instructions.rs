@@ -104,7 +104,10 @@ fn bits(hit: Option<Hit>) -> Option<[u32; 4]> {
 #[test]
 fn hits_have_the_same_bits_with_every_instruction_set() {
     if Isa::available().len() < 2 {
-        println!("SKIPPED: this processor has only {:?}", Isa::available());
+        crate::common::skipped(format_args!(
+            "this processor has only {:?}",
+            Isa::available()
+        ));
         return;
     }
     let scenes = [
