@@ -102,6 +102,9 @@ mod tests {
         };
         assert_eq!(suitable(&device, &with_layers), PixelSamples::InTurn);
         assert_eq!(PixelSamples::parallel(&job([8192, 8192])), None);
+        // The vertices of these fit into 128 MiB.
+        let bdpt = Job::plain(integrator("bdpt").unwrap(), [160, 90], 5, 1);
+        assert_eq!(suitable(&device, &bdpt), PixelSamples::Parallel(13));
         device.software = true;
         assert_eq!(suitable(&device, &small), PixelSamples::InTurn);
     }
