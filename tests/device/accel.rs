@@ -170,9 +170,9 @@ fn an_acceleration_structure_may_exceed_the_size_limit_of_arrays() {
     renderer.advance(1).unwrap();
     println!("acceleration structures of {bytes} bytes with a limit of {range} for arrays");
     if bytes <= range && !device.info.software {
-        crate::common::skipped(format_args!(
-            "the structures of this driver are smaller than the arrays of the scene"
-        ));
+        crate::common::skipped(
+            "the structures of this driver are smaller than the arrays of the scene",
+        );
     } else {
         assert!(bytes > range, "the scene is too small for this test");
     }

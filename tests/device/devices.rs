@@ -221,7 +221,7 @@ fn every_device_has_a_worker_and_every_comparison_group_stays_on_one_device() {
         verdict::compare_values("a reference", found, expected);
     }
     if !two {
-        return common::skipped(format_args!("the loader does not list a driver twice"));
+        return common::skipped("the loader does not list a driver twice");
     }
     let refused = program(place, &["run", "night.lua", "--devices", "0,7"])
         .output()

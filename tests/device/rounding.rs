@@ -122,9 +122,7 @@ fn render_with(sources: &Sources, name: &str) -> Option<Difference> {
 #[test]
 fn rounding_noise_is_accepted_and_planted_bugs_are_found() {
     if !HAS_COMPILER {
-        return common::skipped(format_args!(
-            "needs the compiler of shaders, --features shader-dev"
-        ));
+        return common::skipped("needs the compiler of shaders, --features shader-dev");
     }
     for name in ["bpt", "nee", "bdpt"] {
         let plain = render_with(&Sources::Embedded, name);

@@ -148,7 +148,7 @@ fn folders_are_refused_without_compiler_and_without_device() {
 #[test]
 fn an_axis_of_folders_has_one_reference_and_runs_that_their_content_identifies() {
     let Some(_) = harness::device().filter(|_| HAS_COMPILER) else {
-        return crate::common::skipped(format_args!("needs a device and --features shader-dev"));
+        return crate::common::skipped("needs a device and --features shader-dev");
     };
     let dir = folder();
     let path = dir.path();

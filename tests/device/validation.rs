@@ -28,7 +28,7 @@ fn run_apart(name: &str, kind: &str) {
             !harness::required(),
             "the validation layer is not installed"
         );
-        return crate::common::skipped(format_args!("the validation layer is not installed"));
+        return crate::common::skipped("the validation layer is not installed");
     }
     let output = Command::new(std::env::current_exe().unwrap())
         .args(["--exact", name, "--ignored", "--nocapture"])

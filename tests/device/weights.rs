@@ -246,9 +246,7 @@ const BUGS: [(&str, &str); 3] = [
 #[test]
 fn planted_bugs_in_the_recursion_of_weights_are_found() {
     if !HAS_COMPILER {
-        return crate::common::skipped(format_args!(
-            "needs the compiler of shaders, --features shader-dev"
-        ));
+        return crate::common::skipped("needs the compiler of shaders, --features shader-dev");
     }
     for (from, to) in BUGS {
         let folder = tempfile::tempdir().unwrap();

@@ -25,7 +25,7 @@ fn references(surfaces: Surfaces) -> Option<Vec<Reference>> {
 #[test]
 fn diffuse_cornell_box_equals_mitsuba_at_every_depth() {
     let Some(references) = references(Surfaces::Diffuse) else {
-        crate::common::skipped(format_args!("no shared references beside this checkout"));
+        crate::common::skipped("no shared references beside this checkout");
         return;
     };
     assert!(references.len() >= 4);

@@ -47,9 +47,9 @@ fn cube(bunny: &str, delay: f64) -> TimeCube {
 #[test]
 fn light_from_delayed_patches_arrives_later_by_their_delay() {
     let Some(shared) = shared() else {
-        crate::common::skipped(format_args!(
-            "no shared scenes beside this checkout, and LUMBRE_SHARED names no folder"
-        ));
+        crate::common::skipped(
+            "no shared scenes beside this checkout, and LUMBRE_SHARED names no folder",
+        );
         return;
     };
     let bunny = shared

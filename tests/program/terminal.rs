@@ -28,7 +28,7 @@ impl Terminal {
     /// Runs a shell line as [`Terminal::start`] does.
     fn start_line(place: &Workplace, name: &str, size: (u16, u16), line: &str) -> Option<Terminal> {
         if Command::new("tmux").arg("-V").output().is_err() {
-            crate::common::skipped(format_args!("tmux is not installed"));
+            crate::common::skipped("tmux is not installed");
             return None;
         }
         let terminal = Terminal {

@@ -82,9 +82,9 @@ fn a_texture_of_directions_equals_turned_coordinates() {
 #[test]
 fn a_texture_of_directions_equals_the_plate_in_mitsuba() {
     let Some(python) = interpreter() else {
-        crate::common::skipped(format_args!(
-            "no interpreter with the package mitsuba; name one with LUMBRE_MITSUBA_PYTHON"
-        ));
+        crate::common::skipped(
+            "no interpreter with the package mitsuba; name one with LUMBRE_MITSUBA_PYTHON",
+        );
         return;
     };
     let place = Workplace::new();

@@ -219,9 +219,7 @@ fn open_image_denoise_is_loaded_where_it_is_named_and_left_out_elsewhere() {
     let planned = String::from_utf8(output.stdout).unwrap();
     assert!(planned.contains("LUMBRE_OIDN"), "{planned}");
     if std::env::var_os("LUMBRE_OIDN").is_none() {
-        crate::common::skipped(format_args!(
-            "no Open Image Denoise; name its library with LUMBRE_OIDN"
-        ));
+        crate::common::skipped("no Open Image Denoise; name its library with LUMBRE_OIDN");
         return;
     }
     let (place, folder) = night(&text);

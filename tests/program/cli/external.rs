@@ -72,7 +72,7 @@ fn cells_of_an_absent_renderer_are_left_out_with_the_reason() {
 #[test]
 fn quick_cases_agree_with_mitsuba_and_make_a_page() {
     let Some(python) = interpreter() else {
-        crate::common::skipped(format_args!("no interpreter with the package mitsuba"));
+        crate::common::skipped("no interpreter with the package mitsuba");
         return;
     };
     let place = Workplace::new();
@@ -124,7 +124,7 @@ fn random_scenes_load_and_agree_with_mitsuba() {
         assert_eq!(notes.clone().find(other), None, "{file}");
     }
     let Some(python) = interpreter() else {
-        crate::common::skipped(format_args!("no interpreter with the package mitsuba"));
+        crate::common::skipped("no interpreter with the package mitsuba");
         return;
     };
     let mut words = vec!["verify", "--mitsuba", "--python", &python, "-q"];
@@ -154,9 +154,9 @@ fn the_comparison_with_mitsuba_is_skipped_where_it_is_absent() {
 #[test]
 fn mitsuba_renders_the_same_picture_and_reports_its_own_render_time() {
     let Some(python) = interpreter() else {
-        crate::common::skipped(format_args!(
-            "no interpreter with the package mitsuba; name one with LUMBRE_MITSUBA_PYTHON"
-        ));
+        crate::common::skipped(
+            "no interpreter with the package mitsuba; name one with LUMBRE_MITSUBA_PYTHON",
+        );
         return;
     };
     let place = Workplace::new();

@@ -23,9 +23,7 @@ fn servers_of_both_reference_clients_render_a_night() {
         .arg(root.join("server.cpp"))
         .output();
     match compiled {
-        Err(_) => crate::common::skipped(format_args!(
-            "no C++ compiler; the client in C++ was not tested"
-        )),
+        Err(_) => crate::common::skipped("no C++ compiler; the client in C++ was not tested"),
         Ok(done) => {
             assert!(
                 done.status.success(),

@@ -44,7 +44,7 @@ fn compile(place: &Workplace, name: &str, text: &str) -> Option<String> {
         .args([&format!("{name}.cpp"), "-o", &format!("{name}.so")])
         .output();
     let Ok(compiled) = compiled else {
-        crate::common::skipped(format_args!("there is no C++ compiler"));
+        crate::common::skipped("there is no C++ compiler");
         return None;
     };
     let errors = String::from_utf8_lossy(&compiled.stderr);

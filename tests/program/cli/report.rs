@@ -336,7 +336,7 @@ fn tables_figures_and_methods_compile_in_latex() {
         .output()
         .is_ok_and(|o| o.status.success())
     {
-        crate::common::skipped(format_args!("pdflatex is not installed"));
+        crate::common::skipped("pdflatex is not installed");
         return;
     }
     let place = reported();

@@ -104,7 +104,7 @@ fn devices_refuse_what_they_lack_when_planned() {
     };
     let (status, error) = plan("bsdf_sampling", &[]);
     if error.contains("no usable graphics device") && std::env::var_os("REQUIRE_DEVICE").is_none() {
-        crate::common::skipped(format_args!("no graphics device"));
+        crate::common::skipped("no graphics device");
         return;
     }
     assert!(

@@ -57,7 +57,7 @@ impl Disk {
         if mount.is_ok_and(|ended| ended.status.success()) {
             return Some(Disk { folder });
         }
-        crate::common::skipped(format_args!("this process cannot mount a file system"));
+        crate::common::skipped("this process cannot mount a file system");
         None
     }
 

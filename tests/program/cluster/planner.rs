@@ -64,9 +64,7 @@ fn a_planner_that_renders_shares_comparison_groups_with_workers() {
     let place = Workplace::new();
     place.write("grid.lua", &script(1000));
     let Some(_) = on_another_host(&place, &[]) else {
-        return crate::common::skipped(format_args!(
-            "this machine cannot give a process another host name"
-        ));
+        return crate::common::skipped("this machine cannot give a process another host name");
     };
     let mut planner = spawn_quietly(place.command(&["run", "grid.lua", "--no-smoke"]));
     let journals = || {

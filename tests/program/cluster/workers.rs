@@ -45,9 +45,7 @@ fn start(place: &Workplace, home: &str, skew: &str, locks: bool) -> Child {
 
 fn check_shared_night(locks: bool) {
     if faketime().is_none() {
-        crate::common::skipped(format_args!(
-            "libfaketime is not installed, so all clocks agree"
-        ));
+        crate::common::skipped("libfaketime is not installed, so all clocks agree");
     }
     let place = Workplace::new();
     place.write("grid.lua", &script(150));

@@ -22,7 +22,7 @@ const LAMP_RADIANCE: f64 = 100.0;
 #[test]
 fn integrators_agree_on_caustic_and_reflection_of_the_glass_egg() {
     let Some(root) = shared() else {
-        crate::common::skipped(format_args!("no shared scenes beside this checkout"));
+        crate::common::skipped("no shared scenes beside this checkout");
         return;
     };
     let file = root.join("scenes/vkraytracing/Bidirectional/veach_lamps.scn");

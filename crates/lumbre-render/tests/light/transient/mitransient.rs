@@ -147,9 +147,7 @@ fn regions(value: impl Fn(u32, u32, u32, usize) -> f64) -> Vec<f64> {
 #[test]
 fn every_region_of_the_cornell_box_agrees_with_mitransient() {
     let Some(shared) = shared() else {
-        crate::common::skipped(format_args!(
-            "the shared references are not beside this checkout"
-        ));
+        crate::common::skipped("the shared references are not beside this checkout");
         return;
     };
     let stem = shared.join("references/mitransient_cornell_32x32x300");
