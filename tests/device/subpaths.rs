@@ -4,7 +4,6 @@ use glam::Vec3;
 use lumbre_light::transport::sampler::SOBOL;
 use lumbre_render::{Job, Renderer};
 use lumbre_vulkan::layout::SubpathVertex;
-use lumbre_vulkan::memory::light_paths;
 use lumbre_vulkan::memory::subpaths::SubpathRoom;
 use lumbre_vulkan::renderer::VulkanRenderer;
 use lumbre_vulkan::schedule::pixel_samples::PixelSamples;
@@ -30,8 +29,7 @@ fn pictures_of_which_a_few_rows_have_room_have_the_same_bits() {
         let whole = SubpathRoom::new(&job, PixelSamples::InTurn, u64::MAX);
         assert_eq!(whole.rows(64), 40, "{name}");
         // Just more than three rows have room beside the subpaths that samples share.
-        let vertices = light_paths::stored(&job) * u64::from(whole.of_light_path)
-            + (3 * 64 + 10) * u64::from(whole.of_sample);
+        let vertices = whole.shared() + (3 * 64 + 10) * u64::from(whole.of_sample);
         let narrow = harness::changed(&device, |limits, _| {
             limits.storage_range = vertices * size_of::<SubpathVertex>() as u64;
         });

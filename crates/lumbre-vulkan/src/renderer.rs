@@ -9,7 +9,7 @@ use super::context::session;
 use super::error::VulkanError;
 use super::films::device_film::{DeviceFilms, RestoreError, SplatMode};
 use super::layout::{PathStep, WaveParams};
-use super::memory::light_paths::{self, LightPathBuffers};
+use super::memory::light_paths::LightPathBuffers;
 use super::memory::subpaths::{SubpathBuffers, SubpathRoom};
 use super::memory::upload;
 use super::memory::upload::{JobBuffers, SceneBuffers};
@@ -162,9 +162,8 @@ impl VulkanRenderer {
             splat_mode,
             samples,
         )?;
-        let (stored, timed) = (light_paths::stored(job), job.timing.is_some());
-        let subpaths = SubpathBuffers::new(device, &room, stored, timed)?;
-        let light_paths = LightPathBuffers::new(device, job, &room)?;
+        let subpaths = SubpathBuffers::new(device, &room, job.timing.is_some())?;
+        let light_paths = LightPathBuffers::new(device, &room)?;
         let mut resources = upload::bindings(&scene_buffers, &job_buffers);
         resources.extend(films.bindings());
         resources.extend(subpaths.bindings());

@@ -29,7 +29,7 @@ pub fn count(job: &Job) -> Option<u32> {
 
 /// Returns the number of light subpaths for which a job needs room: those of an iteration, or those
 /// from which it is prepared.
-pub fn stored(job: &Job) -> u64 {
+pub(super) fn stored(job: &Job) -> u64 {
     count(job).map_or(0, |count| u64::from(count).max(cache::PREPARED_PATHS))
 }
 
@@ -44,15 +44,10 @@ impl LightPathBuffers {
     ///
     /// # Errors
     /// Returns an error if the device has no room for them.
-    pub fn new(
-        device: &Arc<Device>,
-        job: &Job,
-        room: &SubpathRoom,
-    ) -> Result<LightPathBuffers, VulkanError> {
-        let paths = stored(job);
-        let vertices = paths * u64::from(room.of_light_path);
+    pub fn new(device: &Arc<Device>, room: &SubpathRoom) -> Result<LightPathBuffers, VulkanError> {
+        let paths = room.light_paths;
         let blocks = paths.div_ceil(u64::from(LIST_BLOCK));
-        let list = size_of::<LightListHead>() as u64 + 4 * (blocks + vertices);
+        let list = size_of::<LightListHead>() as u64 + 4 * (blocks + room.shared());
         let buffer = |name: &str, size: u64| {
             let usage = vk::BufferUsageFlags::empty();
             Buffer::bound(device, name, size.max(16), usage, REMEDY)

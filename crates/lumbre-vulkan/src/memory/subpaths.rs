@@ -26,7 +26,9 @@ const VERTEX_BYTES: u64 = size_of::<SubpathVertex>() as u64;
 /// Room for vertices of subpaths. Integrators that store none need none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SubpathRoom {
-    /// Number of vertices of a light subpath that samples share.
+    /// Number of light subpaths that samples share, or from which the job is prepared.
+    pub light_paths: u64,
+    /// Number of vertices of each of them.
     pub of_light_path: u32,
     /// Number of vertices of all subpaths that a sample traces.
     pub of_sample: u32,
@@ -44,15 +46,21 @@ impl SubpathRoom {
             Some(at_once) => (width * height * u64::from(at_once), u64::MAX),
             None => (width * height, width),
         };
-        let of_light_path = job.max_depth.max(2) - 1;
-        let shared = light_paths::stored(job) * u64::from(of_light_path);
+        let (light_paths, of_light_path) = (light_paths::stored(job), job.max_depth.max(2) - 1);
+        let shared = light_paths * u64::from(of_light_path);
         let left = storage_range.saturating_sub(shared * VERTEX_BYTES);
         let fitting = samples_in(left.min(SAMPLE_BYTES), job);
         SubpathRoom {
+            light_paths,
             of_light_path,
             of_sample: vertices_of_sample(job),
             samples: u32::try_from(fitting.max(least).min(most)).unwrap_or(u32::MAX),
         }
+    }
+
+    /// Returns the number of vertices of the light subpaths.
+    pub fn shared(&self) -> u64 {
+        self.light_paths * u64::from(self.of_light_path)
     }
 
     /// Returns the number of rows of `width` samples that have room at the same time.
@@ -92,20 +100,18 @@ pub struct SubpathBuffers {
 }
 
 impl SubpathBuffers {
-    /// Creates buffers for `light_paths` light subpaths that samples share, and for samples.
+    /// Creates buffers with this room, with lengths if the job is `timed`.
     ///
     /// # Errors
     /// Returns an error if the device has no room for them.
     pub fn new(
         device: &Arc<Device>,
         room: &SubpathRoom,
-        light_paths: u64,
         timed: bool,
     ) -> Result<SubpathBuffers, VulkanError> {
-        let shared = light_paths * u64::from(room.of_light_path);
-        let vertices = shared + u64::from(room.samples) * u64::from(room.of_sample);
+        let vertices = room.shared() + u64::from(room.samples) * u64::from(room.of_sample);
         let lengths = if timed { vertices } else { 0 };
-        let remedy = if light_paths > 0 {
+        let remedy = if room.light_paths > 0 {
             "the vertices of subpaths must fit into one storage buffer; lower `photons` or `max_depth`"
         } else {
             "the vertices of subpaths must fit into one storage buffer; lower `max_depth`"

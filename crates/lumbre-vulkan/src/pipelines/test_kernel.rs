@@ -228,7 +228,7 @@ pub fn run(
     ]);
     // Kernels have no films.
     bound.extend((0..FILMS).map(|_| BoundResource::Storage(&output)));
-    let subpaths = SubpathBuffers::new(device, room, 0, true)?;
+    let subpaths = SubpathBuffers::new(device, room, true)?;
     bound.extend(subpaths.bindings());
     let push = KernelPush {
         rows,
