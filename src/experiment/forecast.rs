@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 use super::WaveRow;
 use super::outcome::CellRef;
-use super::plan::{Plan, ReferenceSource};
+use super::plan::Plan;
 use super::spec::CellConfig;
 use super::stop::StopRule;
 
@@ -185,23 +185,8 @@ pub fn forecast(
     is_open: &dyn Fn(CellRef) -> bool,
 ) -> Forecast {
     let mut sum = Forecast::default();
-    for (_, reference) in plan
-        .references
-        .iter()
-        .enumerate()
-        .filter(|(i, _)| is_open(CellRef::Reference(*i)))
-    {
-        if let ReferenceSource::Render { config, stop, .. } = &reference.source {
-            sum.add(forecast_run(config, stop, history));
-        }
-    }
-    for (_, cell) in plan
-        .cells
-        .iter()
-        .enumerate()
-        .filter(|(i, _)| is_open(CellRef::Cell(*i)))
-    {
-        sum.add(forecast_run(&cell.config, &cell.stop, history));
+    for (config, stop) in plan.runs(is_open) {
+        sum.add(forecast_run(config, stop, history));
     }
     sum
 }

@@ -89,6 +89,7 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
     };
     Cell {
         id: RunId(format!("run{index:02}")),
+        first: index,
         path: format!("{}/rep={repeat}", path.join("/")),
         point,
         repeat,

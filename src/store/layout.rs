@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::schema::StoredFile;
 use super::schema::run::{ConfigFile, DONE, REFERENCE};
-use crate::experiment::{Cell, RunId};
+use crate::experiment::{Plan, RunId};
 use crate::paths::extension;
 
 /// Minimum number of digits of the plan's hash in an experiment folder's name.
@@ -66,12 +66,15 @@ pub(super) fn files_in(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// Folder of a cell's run inside the experiment's folder.
-pub(super) fn run_folder(experiment: &Path, cell: &Cell) -> PathBuf {
-    experiment
-        .join("runs")
-        .join(sanitize(&cell.path))
-        .join(&cell.id.0)
+/// Folder of a cell's run inside the experiment's folder, the same for all cells that are one run.
+pub(super) fn run_folder(experiment: &Path, plan: &Plan, index: usize) -> PathBuf {
+    experiment.join("runs").join(run_name(plan, index))
+}
+
+/// Folder of a cell's run relative to the folder of all runs.
+pub(super) fn run_name(plan: &Plan, index: usize) -> PathBuf {
+    let first = plan.first_cell(index);
+    sanitize(&first.path).join(&first.id.0)
 }
 
 /// Folder of a reference.

@@ -78,6 +78,7 @@ fn scene() -> Arc<SceneDesc> {
 pub(super) fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
     let cell = |(i, id): (usize, &&str)| Cell {
         id: RunId((*id).to_owned()),
+        first: ids.iter().position(|other| other == id).unwrap(),
         point: vec![("depth".into(), Value::Int(i as i64))],
         repeat: 0,
         double_of: None,

@@ -1,5 +1,7 @@
 //! Bounds on the cost of a plan from its stop rules.
 
+use std::collections::BTreeSet;
+
 use super::{Plan, ReferenceSource};
 use crate::experiment::memory::{layer_and_bin_bytes, run_bytes};
 use crate::experiment::outcome::CellRef;
@@ -32,27 +34,31 @@ pub struct Estimate {
 }
 
 impl Plan {
+    /// Settings and stop rules of the cells and references for which `counts` is true, each run
+    /// once, without references from files.
+    pub(crate) fn runs(
+        &self,
+        counts: &dyn Fn(CellRef) -> bool,
+    ) -> impl Iterator<Item = (&CellConfig, &StopRule)> {
+        let references = self.references.iter().enumerate();
+        let references = references.filter(|(i, _)| counts(CellRef::Reference(*i)));
+        let rendered = references.filter_map(|(_, reference)| match &reference.source {
+            ReferenceSource::Render { config, stop, .. } => Some((&**config, stop)),
+            ReferenceSource::File { .. } => None,
+        });
+        let mut seen = BTreeSet::new();
+        let cells = self.cells.iter().enumerate();
+        let cells =
+            cells.filter(move |(i, cell)| counts(CellRef::Cell(*i)) && seen.insert(cell.first));
+        rendered.chain(cells.map(|(_, cell)| (&*cell.config, &cell.stop)))
+    }
+
     /// Estimates the cost of the cells and references for which `counts` is true. References from
-    /// files cost nothing.
+    /// files cost nothing, and cells that are one run cost one run.
     pub fn estimate(&self, counts: &dyn Fn(CellRef) -> bool) -> Estimate {
         let mut estimate = Estimate::default();
-        for (_, reference) in self
-            .references
-            .iter()
-            .enumerate()
-            .filter(|(i, _)| counts(CellRef::Reference(*i)))
-        {
-            if let ReferenceSource::Render { config, stop, .. } = &reference.source {
-                estimate.add(config, stop);
-            }
-        }
-        for (_, cell) in self
-            .cells
-            .iter()
-            .enumerate()
-            .filter(|(i, _)| counts(CellRef::Cell(*i)))
-        {
-            estimate.add(&cell.config, &cell.stop);
+        for (config, stop) in self.runs(counts) {
+            estimate.add(config, stop);
         }
         for group in self.interleave_groups(false) {
             let runs = group.iter().filter(|i| counts(CellRef::Cell(**i)));

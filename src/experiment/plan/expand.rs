@@ -64,6 +64,7 @@ struct Builder<'a> {
     paths: Paths,
     pending: Vec<PendingPoint>,
     cells: Vec<Cell>,
+    first_cells: BTreeMap<RunId, usize>,
     references: Vec<Reference>,
     /// Index of every reference by its id.
     reference_indices: BTreeMap<RunId, usize>,
@@ -99,6 +100,7 @@ impl<'a> Builder<'a> {
             paths: Paths::default(),
             pending: Vec::new(),
             cells: Vec::new(),
+            first_cells: BTreeMap::new(),
             references: Vec::new(),
             reference_indices: BTreeMap::new(),
             skipped: Vec::new(),
@@ -366,8 +368,11 @@ impl<'a> Builder<'a> {
         for (repeat, double_of) in (0..repeats).map(|r| (r, None)).chain(doubles) {
             let seed = identity::cell_seed(self.spec.seed, repeat);
             let identity = CellIdentity::new(&picture, measure, seed, &end, reference_id);
+            let id = identity.run_id();
+            let index = self.cells.len();
             self.cells.push(Cell {
-                id: identity.run_id(),
+                first: *self.first_cells.entry(id.clone()).or_insert(index),
+                id,
                 point: point.clone(),
                 repeat,
                 double_of,

@@ -55,6 +55,9 @@ impl std::fmt::Display for RunId {
 pub struct Cell {
     /// Id of its run.
     pub id: RunId,
+    /// Index of the first cell with this id, whose folder has the files of the run. Several cells
+    /// are one run where an axis has no effect.
+    pub first: usize,
     /// Axis values in the order of the axes.
     pub point: Point,
     /// Number of the repeat, from 0.
@@ -269,6 +272,14 @@ impl Plan {
             .iter()
             .map(|metric| metric.column.clone())
             .collect()
+    }
+
+    /// Returns the first cell that is the same run as a cell: see [`Cell::first`].
+    ///
+    /// # Panics
+    /// If the index is out of range.
+    pub fn first_cell(&self, index: usize) -> &Cell {
+        &self.cells[self.cells[index].first]
     }
 
     /// Returns the id of a cell or a reference.

@@ -2,7 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::{Cell, Reference, ReferenceSource, RunId};
+use super::{Cell, Reference, ReferenceSource};
+use crate::text::counted;
 
 /// Samples of a reference divided by those of a cell below which its noise is a large part of the
 /// cell's error: at 4, a fifth of a squared error.
@@ -68,11 +69,11 @@ pub(super) fn denoised_cells(cells: &[Cell]) -> Option<String> {
 
 /// Returns a warning if several cells are the same run, which means that axes have no effect.
 pub(super) fn duplicates(cells: &[Cell]) -> Option<String> {
-    let mut by_id: BTreeMap<&RunId, Vec<&Cell>> = BTreeMap::new();
+    let mut by_run: BTreeMap<usize, Vec<&Cell>> = BTreeMap::new();
     for cell in cells {
-        by_id.entry(&cell.id).or_default().push(cell);
+        by_run.entry(cell.first).or_default().push(cell);
     }
-    let groups: Vec<&Vec<&Cell>> = by_id.values().filter(|cells| cells.len() > 1).collect();
+    let groups: Vec<&Vec<&Cell>> = by_run.values().filter(|cells| cells.len() > 1).collect();
     let mut idle: BTreeSet<usize> = BTreeSet::new();
     for cells in &groups {
         let differs = |axis: &usize| {
@@ -91,8 +92,8 @@ pub(super) fn duplicates(cells: &[Cell]) -> Option<String> {
     };
     let same: usize = groups.iter().map(|cells| cells.len()).sum();
     Some(format!(
-        "{subject} no effect in {same} of {} cells, which share {} run ids",
+        "{subject} no effect in {same} of {} cells, which are {}",
         cells.len(),
-        groups.len()
+        counted(groups.len() as u64, "run")
     ))
 }

@@ -237,7 +237,12 @@ impl NightRunner<'_, '_> {
         }
         let only = self.options.only.as_ref();
         let is_open = |cell: CellRef| {
-            !self.finished.contains(&cell) && only.is_none_or(|only| only.contains(&cell))
+            let first = match cell {
+                CellRef::Cell(i) => CellRef::Cell(self.plan.cells[i].first),
+                CellRef::Reference(_) => cell,
+            };
+            let is_finished = [cell, first].iter().any(|c| self.finished.contains(c));
+            !is_finished && only.is_none_or(|only| only.contains(&cell))
         };
         let remaining = forecast(self.plan, &self.throughput, &is_open);
         // The night does not depend on it.

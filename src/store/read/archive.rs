@@ -180,7 +180,7 @@ impl History for Archive {
                 let here = self
                     .experiment
                     .as_ref()
-                    .and_then(|experiment| load(layout::run_folder(experiment, cell)));
+                    .and_then(|experiment| load(layout::run_folder(experiment, plan, i)));
                 here.or_else(|| load(self.indexed(&plan.name, &cell.id.0)?))
             }
             CellRef::Reference(i) => {

@@ -1,6 +1,7 @@
 //! Tests of several processes in one folder: claims, full disks, and leftovers of dead processes.
 
 use super::*;
+use crate::store::schema::run::ConfigFile;
 
 #[test]
 fn two_processes_claim_different_runs() {
@@ -54,24 +55,33 @@ fn a_claim_on_a_full_disk_is_retried() {
 #[test]
 fn nothing_is_removed_where_another_process_works_on_a_finished_run() {
     let dir = tempfile::tempdir().unwrap();
-    // Two cells with one id, such as a technique without the parameter of the other axis.
-    let plan = plan("night", "3f9a00", &["aa11", "aa11"]);
+    let (plan, changed) = (
+        plan("night", "3f9a00", &["aa11"]),
+        plan("night", "77b200", &["aa11"]),
+    );
     let (first, second) = (
         Store::open(dir.path(), &plan, decode).unwrap(),
         Store::open(dir.path(), &plan, decode).unwrap(),
     );
-    let folders = [0, 1].map(|i| layout::run_folder(first.folder(), &plan.cells[i]));
-    assert_ne!(folders[0], folders[1]);
-    // Both looked before either had finished.
-    second.claim(&plan, CellRef::Cell(1).into()).unwrap();
-    second.start(&plan, CellRef::Cell(1), None).unwrap();
-    let working = ["ckpt.a", ".lumbre-1a.tmp", "claim"].map(|name| folders[1].join(name));
+    let folder = layout::run_folder(first.folder(), &plan, 0);
+    second.claim(&plan, CellRef::Cell(0).into()).unwrap();
+    second.start(&plan, CellRef::Cell(0), None).unwrap();
+    let working = ["ckpt.a", ".lumbre-1a.tmp", "claim"].map(|name| folder.join(name));
     for file in &working[..2] {
         fs::write(file, "x").unwrap();
     }
-    finish_run(&first, &plan, 0);
+    // The same run in the night of a changed script.
+    finish_run(
+        &Store::open(dir.path(), &changed, decode).unwrap(),
+        &changed,
+        0,
+    );
     let status = first.plan_status(&plan);
-    assert_eq!(status.done.len(), 2, "the run of both cells is finished");
+    assert_eq!(
+        status.done,
+        [CellRef::Cell(0)],
+        "the run is finished in another night"
+    );
     assert!(working.iter().all(|file| file.exists()));
     // It died.
     drop(second);
@@ -83,6 +93,34 @@ fn nothing_is_removed_where_another_process_works_on_a_finished_run() {
         }
     });
     assert!(working.iter().all(|file| !file.exists()));
+}
+
+#[test]
+fn cells_that_are_one_run_have_one_claim_and_one_folder() {
+    let dir = tempfile::tempdir().unwrap();
+    // Two cells with one id, such as a technique without the parameter of the other axis.
+    let plan = plan("night", "3f9a00", &["aa11", "bb22", "aa11"]);
+    let (first, second) = (
+        Store::open(dir.path(), &plan, decode).unwrap(),
+        Store::open(dir.path(), &plan, decode).unwrap(),
+    );
+    let [once, other, again] = [0, 1, 2].map(CellRef::Cell);
+    assert_eq!(second.claim(&plan, again.into()).unwrap(), Claim::Granted);
+    assert!(matches!(
+        first.claim(&plan, once.into()).unwrap(),
+        Claim::HeldBy(_)
+    ));
+    assert_eq!(first.claim(&plan, other.into()).unwrap(), Claim::Granted);
+    finish_run(&second, &plan, 2);
+    second.release(&plan, again.into());
+    let folders = [once, again].map(|cell| first.finished_run(&plan, cell).unwrap().folder);
+    assert_eq!(folders[0], folders[1]);
+    // Nothing about it depends on which of its cells was rendered.
+    let config = fs::read(folders[0].join(ConfigFile::NAME)).unwrap();
+    config_file(&plan, once).write(&folders[0]).unwrap();
+    assert_eq!(fs::read(folders[0].join(ConfigFile::NAME)).unwrap(), config);
+    let reader = NightReader::open(first.folder()).unwrap();
+    assert_eq!(reader.run_folder(again), folders[0]);
 }
 
 #[test]
@@ -102,7 +140,7 @@ fn leftovers_beside_the_last_file_are_removed() {
     let home = store.folder().to_owned();
     drop(store);
     let folders = [
-        layout::run_folder(&home, &plan.cells[0]),
+        layout::run_folder(&home, &plan, 0),
         dir.path().join("refs/ee/ee00"),
     ];
     let left: Vec<_> = folders

@@ -146,7 +146,7 @@ impl Store {
 
     /// Removes what a process left that died after writing a run's last file, or while it tried to
     /// claim the run: claim, checkpoints, failure record and temporary files. Nothing is removed
-    /// while a process works in the folder: its run may be finished in the folder of another cell.
+    /// while a process works in the folder: its run may be finished in the folder of another night.
     pub(crate) fn remove_leftovers(&self, folder: &Path) {
         let is_leftover = |entry: fs::DirEntry| {
             let name = entry.file_name();
@@ -221,7 +221,7 @@ impl Store {
     /// Folder of a run or a reference, which need not exist.
     pub(crate) fn run_folder(&self, plan: &Plan, cell: CellRef) -> PathBuf {
         match cell {
-            CellRef::Cell(i) => layout::run_folder(&self.folder, &plan.cells[i]),
+            CellRef::Cell(i) => layout::run_folder(&self.folder, plan, i),
             CellRef::Reference(i) => layout::reference_folder(&self.out, &plan.references[i].id),
         }
     }

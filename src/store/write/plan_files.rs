@@ -2,7 +2,7 @@
 
 use crate::experiment::plan::{Reference, ReferenceSource};
 use crate::experiment::spec::Presentation;
-use crate::experiment::{Cell, CellConfig, CellRef, Plan, Point, StopRule};
+use crate::experiment::{CellConfig, CellRef, Plan, Point, StopRule};
 use crate::store::layout;
 use crate::store::schema::plan::{
     BiasCheckPlan, FileReference, Measurement, MetricRecord, NightSettings, PlanFile, PlannedCell,
@@ -30,7 +30,8 @@ pub fn plan_file(plan: &Plan) -> PlanFile {
     let cells = plan
         .cells
         .iter()
-        .map(|cell| planned_cell(cell, stop_index(&cell.stop)))
+        .enumerate()
+        .map(|(i, cell)| planned_cell(plan, i, stop_index(&cell.stop)))
         .collect();
     let references = plan.references.iter();
     PlanFile {
@@ -124,8 +125,9 @@ fn metric_record(metric: &MetricSpec) -> MetricRecord {
     }
 }
 
-fn planned_cell(cell: &Cell, stop: usize) -> PlannedCell {
-    let folder = layout::sanitize(&cell.path).join(&cell.id.0);
+fn planned_cell(plan: &Plan, index: usize, stop: usize) -> PlannedCell {
+    let cell = &plan.cells[index];
+    let folder = layout::run_name(plan, index);
     PlannedCell {
         run: cell.id.0.clone(),
         path: cell.path.clone(),
@@ -145,7 +147,8 @@ fn planned_cell(cell: &Cell, stop: usize) -> PlannedCell {
     }
 }
 
-/// Returns the content of a run's or a reference's `config.json`.
+/// Returns the content of a run's or a reference's `config.json`, the same for all cells that are
+/// one run.
 pub fn config_file(plan: &Plan, cell: CellRef) -> ConfigFile {
     let common = ConfigFile {
         experiment: plan.name.clone(),
@@ -154,7 +157,7 @@ pub fn config_file(plan: &Plan, cell: CellRef) -> ConfigFile {
     };
     match cell {
         CellRef::Cell(i) => {
-            let cell = &plan.cells[i];
+            let cell = plan.first_cell(i);
             let reference = cell.reference.map(|i| plan.references[i].id.0.clone());
             ConfigFile {
                 plan: Some(plan.hash.clone()),

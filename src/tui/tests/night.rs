@@ -85,6 +85,7 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
         for radius in radii {
             cells.push(Cell {
                 id: RunId(format!("{:032x}", cells.len())),
+                first: cells.len(),
                 point: vec![
                     ("depth".to_owned(), Value::Int(i64::from(*depth))),
                     ("aa".to_owned(), Value::number(f64::from(*radius))),

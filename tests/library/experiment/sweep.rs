@@ -355,14 +355,21 @@ fn runs_that_may_never_end_and_metrics_without_a_reference_cause_warnings() {
 }
 
 #[test]
-fn an_axis_without_effect_causes_a_warning_and_keeps_its_folders() {
-    let lab = depths([3, 5]).axis("idle", ints([1, 2, 3]));
+fn cells_of_an_axis_without_effect_are_one_run() {
+    let mut lab = depths([3, 5]).axis("idle", ints([1, 2, 3]));
+    lab.stop = Box::new(|_| Ok(StopRule::Samples(100)));
     let plan = lab.plan();
     assert_eq!(
         plan.warnings,
-        ["axis `idle` has no effect in 6 of 6 cells, which share 2 run ids"]
+        ["axis `idle` has no effect in 6 of 6 cells, which are 2 runs"]
     );
     assert_eq!(plan.cells[0].id, plan.cells[1].id);
+    let firsts: Vec<usize> = plan.cells.iter().map(|cell| cell.first).collect();
+    assert_eq!(firsts, [0, 0, 0, 3, 3, 3]);
+    // The cost of each is counted once, whichever of its cells is rendered.
+    assert_eq!(plan.estimate(&|_| true).by_samples, 2);
+    let without_first = |cell| cell != CellRef::Cell(0) && cell != CellRef::Cell(3);
+    assert_eq!(plan.estimate(&without_first).by_samples, 2);
     let mut paths = paths(&plan);
     paths.dedup();
     assert_eq!(paths.len(), 6);
