@@ -53,8 +53,9 @@ pub fn cell_config(
             .into_iter()
             .flat_map(|v| v.keys().map(String::as_str)),
     );
-    if let Some(key) = params.keys().find(|key| !own.contains(&key.as_str())) {
-        return Err(unknown_param(key, own, &at(key)));
+    let unknown = params.iter().find(|(key, _)| !own.contains(&key.as_str()));
+    if let Some((key, value)) = unknown {
+        return Err(unknown_param(key, value, own, &at(key)));
     }
     RENDER.check(path, &common)?;
     let (Some(row), Some(name)) = (row, name) else {
@@ -96,18 +97,26 @@ pub fn cell_config(
     })
 }
 
+/// Remedy for parameters of a technique that are not keys of the render table itself.
+const WHERE_PARAMETERS_ARE: &str =
+    "parameters of a technique are keys of the same table: integrator = \"nee\", mis = \"balance\"";
+
 /// Returns the error of a key that is neither common nor one of the technique's `own`: the most
-/// similar key, or the techniques that have it.
-fn unknown_param(key: &str, own: Vec<&str>, path: &str) -> SchemaError {
+/// similar key, the techniques that have it, or the place of the parameters that `value` contains.
+fn unknown_param(key: &str, value: &Value, own: Vec<&str>, path: &str) -> SchemaError {
     let known = RENDER.fields.iter().map(|f| f.key);
     let mut error = unknown_key(path, key, known.chain(own));
-    let has_it = |row: &&IntegratorRow| row.params.fields.iter().any(|f| f.key == key);
-    let owners: Vec<String> = integrators()
-        .filter(has_it)
-        .map(|row| format!("`{}`", row.name))
-        .collect();
-    if !owners.is_empty() {
-        error.help = Some(format!("it is a key of {}", owners.join(", ")));
+    let owners = |key: &str| -> Vec<String> {
+        let has_it = |row: &&IntegratorRow| row.params.fields.iter().any(|f| f.key == key);
+        let owners = integrators().filter(has_it);
+        owners.map(|row| format!("`{}`", row.name)).collect()
+    };
+    let mut inside = value.as_map().into_iter().flat_map(BTreeMap::keys);
+    let of = owners(key);
+    if !of.is_empty() {
+        error.help = Some(format!("it is a key of {}", of.join(", ")));
+    } else if inside.any(|key| !owners(key).is_empty()) {
+        error.help = Some(WHERE_PARAMETERS_ARE.to_owned());
     }
     error
 }
@@ -169,8 +178,19 @@ fn check_names(
     externals: &Externals,
     path: &str,
 ) -> Result<(), SchemaError> {
-    if let Some(Value::Str(name)) = map.get("integrator") {
-        check_integrator(name, externals, &format!("{path}.integrator"))?;
+    match map.get("integrator") {
+        Some(Value::Str(name)) => {
+            check_integrator(name, externals, &format!("{path}.integrator"))?;
+        }
+        Some(table @ (Value::Map(_) | Value::List(_))) => {
+            return Err(SchemaError {
+                path: format!("{path}.integrator"),
+                problem: format!("expected a name, found {}", table.kind()),
+                help: Some(WHERE_PARAMETERS_ARE.to_owned()),
+                key: "integrator".to_owned(),
+            });
+        }
+        _ => {}
     }
     if let Some(Value::Str(name)) = map.get("backend")
         && !BACKEND_NAMES.contains(&name.as_str())

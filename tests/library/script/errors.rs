@@ -448,6 +448,18 @@ fn errors_in_render_tables_have_the_line_of_their_key() {
             "render.strategies: unknown key `strategies` (it is a key of `bdpt`, `guided_bdpt`)",
         ),
         (
+            good.replace("\"bpt\"", "\"nee\", params = { mis = \"none\" }"),
+            4,
+            "render.params: unknown key `params` (parameters of a technique are keys of the same \
+             table: integrator = \"nee\", mis = \"balance\")",
+        ),
+        (
+            good.replace("\"bpt\"", "{ \"nee\" }"),
+            4,
+            "render.integrator: expected a name, found a list (parameters of a technique are keys \
+             of the same table: integrator = \"nee\", mis = \"balance\")",
+        ),
+        (
             good.replace("\"s.scn\"", "\"t.scn\""),
             4,
             "render.scene: there is no file `t.scn` (did you mean `",
