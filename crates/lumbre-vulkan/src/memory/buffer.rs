@@ -41,23 +41,23 @@ impl Buffer {
     ) -> Result<Buffer, VulkanError> {
         let remedy = "each array of a scene must fit into one storage buffer; use smaller meshes \
                       or textures";
-        Buffer::bound(device, name, size, usage, remedy)
+        check_size(device, name, size, device.info.limits.storage_range, remedy)?;
+        Buffer::by_address(device, name, size, usage)
     }
 
-    /// Creates a buffer like [`Buffer::new`], whose error advises `remedy` if a storage buffer cannot be
-    /// that large.
+    /// Creates a storage buffer for what shaders write, of `size` bytes or a few more so that it can
+    /// be bound. The error advises `remedy` if a storage buffer cannot be that large.
     ///
     /// # Errors
     /// Returns an error in the cases of [`Buffer::new`].
-    pub fn bound(
+    pub fn written(
         device: &Arc<Device>,
         name: &str,
         size: u64,
-        usage: vk::BufferUsageFlags,
         remedy: &'static str,
     ) -> Result<Buffer, VulkanError> {
         check_size(device, name, size, device.info.limits.storage_range, remedy)?;
-        Buffer::by_address(device, name, size, usage)
+        Buffer::by_address(device, name, size.max(16), vk::BufferUsageFlags::empty())
     }
 
     /// Creates a buffer that is never bound and may therefore exceed the size of a storage buffer.

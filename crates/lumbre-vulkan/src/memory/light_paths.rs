@@ -2,8 +2,6 @@
 
 use std::sync::Arc;
 
-use ash::vk;
-
 use super::buffer::Buffer;
 use super::subpaths::SubpathRoom;
 use crate::context::device::Device;
@@ -48,13 +46,10 @@ impl LightPathBuffers {
         let paths = room.light_paths;
         let blocks = paths.div_ceil(u64::from(LIST_BLOCK));
         let list = size_of::<LightListHead>() as u64 + 4 * (blocks + room.shared());
-        let buffer = |name: &str, size: u64| {
-            let usage = vk::BufferUsageFlags::empty();
-            Buffer::bound(device, name, size.max(16), usage, REMEDY)
-        };
+        let paths = paths * size_of::<LightPath>() as u64;
         Ok(LightPathBuffers {
-            paths: buffer("light paths", paths * size_of::<LightPath>() as u64)?,
-            list: buffer("light vertex list", list)?,
+            paths: Buffer::written(device, "light paths", paths, REMEDY)?,
+            list: Buffer::written(device, "light vertex list", list, REMEDY)?,
         })
     }
 

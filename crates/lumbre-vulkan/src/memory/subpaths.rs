@@ -2,8 +2,6 @@
 
 use std::sync::Arc;
 
-use ash::vk;
-
 use super::buffer::Buffer;
 use super::light_paths;
 use crate::context::device::Device;
@@ -117,16 +115,13 @@ impl SubpathBuffers {
             "the vertices of subpaths must fit into one storage buffer; lower `max_depth`"
         };
         // The 32 bits of a buffer's size hold fewer vertices than the 32 bits of their numbers.
-        let buffer = |name: &str, size: u64| {
-            let usage = vk::BufferUsageFlags::empty();
-            Buffer::bound(device, name, size.max(16), usage, remedy)
-        };
+        let (vertices, lengths) = (
+            vertices * VERTEX_BYTES,
+            lengths * size_of::<SubpathLength>() as u64,
+        );
         Ok(SubpathBuffers {
-            vertices: buffer("subpath vertices", vertices * VERTEX_BYTES)?,
-            lengths: buffer(
-                "subpath lengths",
-                lengths * size_of::<SubpathLength>() as u64,
-            )?,
+            vertices: Buffer::written(device, "subpath vertices", vertices, remedy)?,
+            lengths: Buffer::written(device, "subpath lengths", lengths, remedy)?,
         })
     }
 
