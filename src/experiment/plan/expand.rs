@@ -64,6 +64,7 @@ struct Builder<'a> {
     paths: Paths,
     pending: Vec<PendingPoint>,
     cells: Vec<Cell>,
+    /// Index of the first cell of every run.
     first_cells: BTreeMap<RunId, usize>,
     references: Vec<Reference>,
     /// Index of every reference by its id.

@@ -40,7 +40,7 @@ impl Plan {
         let mut seen = BTreeSet::new();
         for index in order {
             let cell = &self.cells[index];
-            if !seen.insert(&cell.id) {
+            if !seen.insert(cell.first) {
                 groups.push(vec![index]);
                 continue;
             }
