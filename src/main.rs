@@ -1,5 +1,8 @@
-//! Entry point of the `lumbre` program. All code is in the library.
+//! Entry point of the `lumbre` program. All other code is in the library.
 
 fn main() -> std::process::ExitCode {
+    if let Some(commit) = lumbre_commit::commit!() {
+        lumbre::text::set_commit(commit);
+    }
     lumbre::cli::main()
 }

@@ -3,9 +3,24 @@
 
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
+use std::sync::OnceLock;
 
-/// Name and version of this program, as files state them.
-pub const PROGRAM: &str = concat!("lumbre ", env!("CARGO_PKG_VERSION"));
+/// Name and version of this program.
+const PROGRAM: &str = concat!("lumbre ", env!("CARGO_PKG_VERSION"));
+
+static WITH_COMMIT: OnceLock<String> = OnceLock::new();
+
+/// Returns name and version of this program as files state them, with the commit that it was built
+/// from if the binary states one: `lumbre 0.1.0 (commit 1234567890ab, files changed)`.
+pub fn program() -> &'static str {
+    WITH_COMMIT.get().map_or(PROGRAM, String::as_str)
+}
+
+/// Sets the commit that the binary was built from. Only the first call has an effect.
+pub fn set_commit(commit: &str) {
+    // The first call wins.
+    let _ = WITH_COMMIT.set(format!("{PROGRAM} (commit {commit})"));
+}
 
 /// Formats a count with its noun: `1 cell`, `3 cells`.
 pub fn counted(n: u64, noun: &str) -> String {

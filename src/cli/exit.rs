@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 
 use crate::script::ScriptError;
-use crate::text::{self, PROGRAM};
+use crate::text::{self, program};
 use crate::tui;
 
 /// Text below the options of `--help`: exit codes, signals and output streams.
@@ -220,7 +220,7 @@ pub fn install_panic_hook() {
         print_status(&format!(
             "{} crashed because of a bug{place}: {}\n\
              Finished runs are safe. Please report this message with the script and the command.",
-            PROGRAM,
+            program(),
             what.unwrap_or("no message")
         ));
     }));

@@ -405,7 +405,7 @@ impl Explorer {
     fn save(&mut self) -> Result<String, String> {
         let (scene, frame) = self.shown()?;
         let metadata = [
-            ("program", crate::text::PROGRAM.to_owned()),
+            ("program", crate::text::program().to_owned()),
             ("scene", scene.path.display().to_string()),
             (
                 "settings",

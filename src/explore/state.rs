@@ -287,9 +287,9 @@ impl State {
             "fov" => number(camera.view_deg()),
             "aperture" => number(camera.lens_diameter()),
             "focus_distance" => number(focus_distance(&camera)),
-            "f_number" => camera.optics.f_number.and_then(number),
-            "focal_length" => camera.optics.focal_length.and_then(number),
-            "sensor_height" => camera.optics.sensor_height.and_then(number),
+            "f_number" => camera.optics.f_number().and_then(number),
+            "focal_length" => camera.optics.focal_length().and_then(number),
+            "sensor_height" => camera.optics.sensor_height().and_then(number),
             _ => None,
         }
     }

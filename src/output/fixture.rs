@@ -10,7 +10,7 @@ use crate::experiment::plan::{Cell, CellIdentity, Plan, RunId};
 use crate::experiment::spec::{CellConfig, MeasureSpec, Snapshots};
 use crate::experiment::{CellRef, CellResult, EndCause, Outcome, StopRule, WaveRow};
 use lumbre_light::scene::SceneDesc;
-use lumbre_light::scene::desc::CameraDesc;
+use lumbre_light::scene::desc::{CameraDesc, Optics};
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
@@ -84,7 +84,7 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
     let camera = CameraDesc {
         position: Vec3::ZERO,
         target: Vec3::Z,
-        fov_deg: 60.0,
+        optics: Optics::pinhole(60.0),
         ..CameraDesc::default()
     };
     Cell {

@@ -99,7 +99,7 @@ fn write_document(
 /// Writes program, title and description.
 fn write_info(pdf: &mut Pdf, id: Ref, svg: &str) {
     let mut info = pdf.document_info(id);
-    info.producer(TextStr(crate::text::PROGRAM));
+    info.producer(TextStr(crate::text::program()));
     info.title(TextStr(&raster::element(svg, "title").unwrap_or_default()));
     // Text with line breaks would be written as UTF-16, which text searches do not find.
     let description = raster::element(svg, "desc")

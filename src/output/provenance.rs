@@ -1,6 +1,6 @@
 //! Program, plans and runs that a file is made from.
 
-use crate::text::PROGRAM;
+use crate::text::program;
 
 /// Plans and runs that figures, tables and data are made from. They are embedded in
 /// the files.
@@ -24,7 +24,7 @@ impl Provenance {
             .runs
             .iter()
             .map(|(id, path)| format!("\nrun {id} {path}"));
-        std::iter::once(PROGRAM.to_owned())
+        std::iter::once(program().to_owned())
             .chain(plans)
             .chain(runs)
             .collect()

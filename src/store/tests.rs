@@ -17,7 +17,7 @@ use crate::experiment::spec::{CellConfig, MeasureSpec, Snapshots};
 use crate::experiment::{CellRef, Plan, RunId, StopRule, WaveRow};
 use lumbre_light::film::Image;
 use lumbre_light::scene::SceneDesc;
-use lumbre_light::scene::desc::CameraDesc;
+use lumbre_light::scene::desc::{CameraDesc, Optics};
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::value::Value;
 use lumbre_metrics::tonemap::Tonemap;
@@ -59,7 +59,7 @@ fn scene() -> Arc<SceneDesc> {
     let camera = CameraDesc {
         position: Vec3::Z,
         target: Vec3::ZERO,
-        fov_deg: 40.0,
+        optics: Optics::pinhole(40.0),
         ..CameraDesc::default()
     };
     Arc::new(SceneDesc {

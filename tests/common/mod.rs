@@ -13,7 +13,7 @@ use lumbre_light::scene::compile::{
     Cone, DirectionalLight, Emitter, Environment, Instances, Interface, MaskMode, Material, Model,
     NONE, PointLight, Sphere, Texture, TriangleAttributes, UvMap,
 };
-use lumbre_light::scene::desc::{CameraDesc, ConeDesc};
+use lumbre_light::scene::desc::{CameraDesc, ConeDesc, Optics};
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::path_time::Timing;
 use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
@@ -88,7 +88,7 @@ impl SceneBuilder {
         let camera = CameraDesc {
             position,
             target,
-            fov_deg,
+            optics: Optics::pinhole(fov_deg),
             ..CameraDesc::default()
         };
         SceneBuilder {

@@ -208,7 +208,7 @@ fn every_material_light_camera_and_filter_gives_the_light_of_the_cpu_at_every_de
         let mut scene = balls(lamp);
         if i % 2 == 1 {
             let camera = &mut Arc::make_mut(&mut scene).camera;
-            (camera.aperture, camera.focus_distance) = (0.1, Some(4.5));
+            (camera.optics, camera.focus_distance) = (camera.optics.with_aperture(0.1), Some(4.5));
         }
         for row in INTEGRATORS.iter().filter(|row| harness::renders(row)) {
             let (kind, radius) = filters[i % filters.len()];

@@ -398,10 +398,9 @@ fn without_a_device_vulkan_plans_are_refused_with_the_reason_and_auto_is_the_cpu
         let (code, message) = run(backend);
         assert_eq!(code, Some(2), "{message}");
         assert!(
-            message.contains(&format!("`{backend}` cannot be used on this machine: no")),
+            message.contains(&format!("`{backend}` cannot be used on this machine: ")),
             "{message}"
         );
-        assert!(message.contains("Vulkan loader"), "{message}");
     }
     assert!(
         !place.path().join("out").exists(),

@@ -169,7 +169,10 @@ pub fn scene_with_all_lights() -> Arc<CompiledScene> {
         .point(Vec3::new(-0.5, 1.0, 1.0), Vec3::new(0.5, 0.4, 0.3))
         .directional(Vec3::new(0.4, -1.0, -0.2), Vec3::new(0.8, 0.9, 1.0))
         .environment(Some(sky), Vec3::splat(0.4), 40.0)
-        .with(|s| (s.camera.aperture, s.camera.focus_distance) = (0.05, Some(3.0)))
+        .with(|s| {
+            (s.camera.optics, s.camera.focus_distance) =
+                (s.camera.optics.with_aperture(0.05), Some(3.0))
+        })
         .build()
 }
 

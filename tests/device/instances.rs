@@ -8,8 +8,8 @@ use lumbre_light::math::warp::uniform_sphere;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{Sharing, compile_sharing};
 use lumbre_light::scene::desc::{
-    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, SceneDesc,
-    ShapeDesc, Transform, mesh_hash,
+    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, Optics,
+    SceneDesc, ShapeDesc, Transform, mesh_hash,
 };
 use lumbre_render::{Job, Renderer};
 use lumbre_vulkan::pipelines::program::TracingMode;
@@ -122,7 +122,7 @@ fn balls(count: u32, rows: u32) -> CompiledScene {
     });
     let camera = CameraDesc {
         position: Vec3::new(0.0, 0.5, 2.0 + 2.0 * spread),
-        fov_deg: 50.0,
+        optics: Optics::pinhole(50.0),
         ..CameraDesc::default()
     };
     let desc = SceneDesc {

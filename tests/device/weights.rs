@@ -51,7 +51,7 @@ fn tiny_lights() -> Arc<CompiledScene> {
 pub fn seen_by(kind: CameraKind) -> Arc<CompiledScene> {
     let mut scene = CompiledScene::clone(&scene_with_all_lights());
     (scene.camera.kind, scene.camera.view_height) = (kind, 2.5);
-    scene.camera.aperture = 0.0;
+    scene.camera.optics = scene.camera.optics.with_aperture(0.0);
     Arc::new(scene)
 }
 

@@ -246,7 +246,8 @@ fn everything() -> (Arc<CompiledScene>, Job) {
         .directional(Vec3::new(0.3, -1.0, 0.1), Vec3::splat(0.5))
         .environment(Some(sky), Vec3::splat(0.3), 30.0)
         .with(|s| {
-            (s.camera.aperture, s.camera.focus_distance) = (0.1, Some(2.5));
+            (s.camera.optics, s.camera.focus_distance) =
+                (s.camera.optics.with_aperture(0.1), Some(2.5));
             s.colors = (0..s.triangles.len())
                 .map(|i| [Vec3::X, Vec3::splat(0.1 * i as f32), Vec3::ONE])
                 .collect();

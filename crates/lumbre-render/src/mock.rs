@@ -200,7 +200,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use lumbre_light::scene::desc::CameraDesc;
+    use lumbre_light::scene::desc::{CameraDesc, Optics};
     use lumbre_light::transport::integrator::INTEGRATORS;
 
     fn scene() -> Arc<CompiledScene> {
@@ -223,7 +223,7 @@ mod tests {
             camera: CameraDesc {
                 position: Vec3::Z,
                 target: Vec3::ZERO,
-                fov_deg: 40.0,
+                optics: Optics::pinhole(40.0),
                 ..CameraDesc::default()
             },
             bounds: [Vec3::ZERO; 2],

@@ -12,7 +12,7 @@ use crate::cli::format::{self, display_path};
 use crate::cli::json;
 use crate::store::schema::values::Named;
 use crate::store::{Host, probe};
-use crate::text::PROGRAM;
+use crate::text::program;
 use crate::tui;
 
 /// Capabilities of this machine.
@@ -95,7 +95,7 @@ impl MachineFacts {
         let (auto, auto_reason) = crate::backends::auto_backend();
         let writable = check_writable(&global.out);
         MachineFacts {
-            program: PROGRAM,
+            program: program(),
             os: host.os,
             cpu: host.cpu,
             cores: host.cores,

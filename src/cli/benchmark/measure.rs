@@ -105,7 +105,7 @@ pub fn measure(
     };
     Ok(BenchmarkResult {
         benchmark: SUITE_VERSION,
-        program: crate::text::PROGRAM.to_owned(),
+        program: crate::text::program().to_owned(),
         quick: args.quick,
         name: args.name.clone().unwrap_or_else(|| host.cpu.clone()),
         machine: Machine {

@@ -13,9 +13,8 @@ use crate::cli::night::permission::PlanUse;
 use crate::experiment::Plan;
 use crate::paths::SCRIPT_COPY;
 use crate::script::{self, Limits, Script};
-use crate::store::schema::Program;
 use crate::store::{PlanCommand, PlanSnapshot, Store, StoreError, StoredFile};
-use crate::text::PROGRAM;
+use crate::text::program;
 
 /// Saves in a night's folder what workers need to rebuild its plan.
 ///
@@ -56,13 +55,14 @@ pub struct RestoredPlan {
 /// last case the message names the changes.
 pub fn restore_plan(home: &Path, global: &Global) -> Result<RestoredPlan, Failure> {
     let snapshot = PlanSnapshot::load(home).map_err(Failure::usage)?;
-    if snapshot.program != Program::default() {
+    if !snapshot.program.is_same_version() {
         return Err(Failure::usage(format!(
-            "the plan in {} was saved by {}, but this is {PROGRAM}; pictures of different \
+            "the plan in {} was saved by {}, but this is {}; pictures of different \
              versions may differ. Use that version, or plan the night again with `lumbre run` or \
              `lumbre submit`",
             display_path(home),
-            snapshot.program.0
+            snapshot.program.0,
+            program()
         )));
     }
     std::env::set_current_dir(&snapshot.folder).map_err(|e| {

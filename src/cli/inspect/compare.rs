@@ -153,7 +153,7 @@ impl Difference {
             ("image", image),
             ("reference", reference),
             ("scale", format!("{low} to {high}")),
-            ("program", crate::text::PROGRAM.to_owned()),
+            ("program", crate::text::program().to_owned()),
         ];
         let metadata = metadata.map(|(key, value)| (key.to_owned(), value));
         let bytes = format.encode(&self.map, self.scale, &metadata)?;

@@ -38,7 +38,7 @@ pub fn show(
     let stem = stem.unwrap_or_else(|| PathBuf::from(format!("tree-{id:.8}")));
     let svg = draw(&TreeFigure {
         heading: &format!("Guiding tree of {id:.8}, pixel {x}, {y}"),
-        description: &format!("{}\nrun {id}\npixel {x}, {y}", crate::text::PROGRAM),
+        description: &format!("{}\nrun {id}\npixel {x}, {y}", crate::text::program()),
         tree: &tree,
         pixel,
         density: density.as_deref(),

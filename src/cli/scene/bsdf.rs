@@ -62,7 +62,7 @@ pub fn main(args: &BsdfArgs, global: &Global) -> Result<Exit, Failure> {
     );
     let description = format!(
         "{}\nscene {}\nmaterial {}",
-        crate::text::PROGRAM,
+        crate::text::program(),
         args.file.display(),
         args.material
     );

@@ -212,10 +212,14 @@ fn contents(
 /// Returns what a camera shows of the scene in front of it.
 fn view(camera: &CameraDesc) -> String {
     match camera.kind {
-        CameraKind::Perspective => format!(
-            "field of view {} degrees",
-            rounded(f64::from(camera.fov_deg))
-        ),
+        CameraKind::Perspective => {
+            let lens = match camera.lens_diameter() {
+                0.0 => "pinhole".to_owned(),
+                diameter => format!("lens of diameter {}", rounded(f64::from(diameter))),
+            };
+            let degrees = rounded(f64::from(camera.view_deg()));
+            format!("field of view {degrees} degrees, {lens}")
+        }
         CameraKind::Orthographic => format!(
             "orthographic, {} units high",
             rounded(f64::from(camera.view_height))
@@ -242,7 +246,7 @@ fn contents_json(
         "box": [low.to_array(), high.to_array()],
         "camera": {
             "position": camera.position.to_array(), "target": camera.target.to_array(),
-            "fov": camera.fov_deg, "kind": camera.kind.name(), "view_height": camera.view_height,
+            "fov": camera.view_deg(), "aperture": camera.lens_diameter(), "kind": camera.kind.name(), "view_height": camera.view_height,
             "window": camera.window.to_array(),
         },
         "views": views, "options": options, "objects": objects, "materials": materials,

@@ -15,7 +15,7 @@ use lumbre_light::film::Image;
 use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{
     CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, Model,
-    SceneDesc, ShapeDesc, Transform, mesh_hash,
+    Optics, SceneDesc, ShapeDesc, Transform, mesh_hash,
 };
 
 /// Identifies the seeds of these checks.
@@ -297,7 +297,7 @@ fn scene(
         camera: CameraDesc {
             position,
             target,
-            fov_deg,
+            optics: Optics::pinhole(fov_deg),
             ..CameraDesc::default()
         },
         materials,

@@ -300,7 +300,7 @@ fn metadata(args: &RenderArgs, cell: &Cell, film: &Film) -> Vec<(String, String)
         .map(|(key, value)| format!("{key}={value}"))
         .collect();
     [
-        ("program", crate::text::PROGRAM.to_owned()),
+        ("program", crate::text::program().to_owned()),
         ("scene", args.picture.scene.text.clone()),
         ("settings", settings.join(" ")),
         ("integrator", cell.config.integrator.clone()),

@@ -253,7 +253,12 @@ impl FigureData<'_> {
     /// Lists program, plan and runs for the picture's metadata.
     fn description(&self) -> String {
         let plan = self.plan;
-        let mut text = format!("{}\nplan {} {}", crate::text::PROGRAM, plan.name, plan.hash);
+        let mut text = format!(
+            "{}\nplan {} {}",
+            crate::text::program(),
+            plan.name,
+            plan.hash
+        );
         for (index, _) in self.cells {
             let cell = &plan.cells[*index];
             let samples = self.rows(*index).last().map_or(0, |r| r.samples);

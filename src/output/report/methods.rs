@@ -5,7 +5,7 @@ use super::item::{ItemKind, ReportItem};
 use super::study::{Member, Study};
 use crate::experiment::night_results::{NightResults, ReferenceOrigin, RunState};
 use crate::output::provenance::Provenance;
-use crate::text::PROGRAM;
+use crate::text::program;
 use lumbre_light::transport::integrator::{IntegratorRow, integrators};
 use lumbre_metrics::MetricSpec;
 use lumbre_render::denoise::BIAS;
@@ -77,7 +77,7 @@ fn sentences(study: &Study) -> Vec<String> {
          other value at 5 % (Welch's test [Welch 1947] with Holm's correction [Holm 1979])."
             .to_owned(),
     );
-    out.push(format!("Figures and tables were made with {PROGRAM}."));
+    out.push(format!("Figures and tables were made with {}.", program()));
     out
 }
 

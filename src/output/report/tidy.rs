@@ -10,8 +10,8 @@ use crate::columns::{
 use crate::experiment::night_results::RunState;
 use crate::output::format::exact;
 use crate::output::provenance::Provenance;
-use crate::text::PROGRAM;
 use crate::text::csv_line;
+use crate::text::program;
 
 /// Builds `data/runs.csv` with one line for each run, `data/waves.csv` with one line for each
 /// measurement of each run, and `data/columns.csv` with meaning and unit of every column.
@@ -64,7 +64,7 @@ fn header(axes: &[String], rest: &[String]) -> String {
 
 fn keys(m: &Member, axes: &[String]) -> Vec<String> {
     let mut fields = vec![
-        PROGRAM.to_owned(),
+        program().to_owned(),
         m.night.name.clone(),
         m.night.plan.clone(),
         m.run.id.clone(),

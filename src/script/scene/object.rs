@@ -279,32 +279,28 @@ fn read_camera(shared: &Shared, args: &Args, index: usize) -> Result<CameraDesc,
         position: point("position", Vec3::Z),
         target: point("target", Vec3::ZERO),
         up: point("up", Vec3::Y),
-        fov_deg: number("fov").unwrap_or(defaults.fov_deg),
         view_height: number("view_height").unwrap_or(defaults.view_height),
         window: fields
             .values
             .get("window")
             .map_or(defaults.window, |v| ViewWindow::from_array(numbers::<4>(v))),
-        aperture: number("aperture").unwrap_or(0.0),
         focus_distance: number("focus_distance"),
-        optics: Optics {
-            f_number: number("f_number"),
-            focal_length: number("focal_length"),
-            sensor_height: number("sensor_height"),
-        },
+        optics: Optics::pinhole(number("fov").unwrap_or(defaults.view_deg()))
+            .with_aperture(number("aperture").unwrap_or(0.0))
+            .with_f_number(number("f_number"))
+            .with_focal_length(number("focal_length"))
+            .with_sensor_height(number("sensor_height")),
     };
     let conflicts = [
         (
             "aperture",
             "f_number",
-            number("aperture").is_some() && camera.optics.f_number.is_some(),
+            number("aperture").is_some() && camera.optics.f_number().is_some(),
         ),
         (
             "fov",
             "sensor_height and focal_length",
-            number("fov").is_some()
-                && camera.optics.focal_length.is_some()
-                && camera.optics.sensor_height.is_some(),
+            number("fov").is_some() && camera.optics.determine_view(),
         ),
     ];
     if let Some((a, b, _)) = conflicts.into_iter().find(|(_, _, both)| *both) {

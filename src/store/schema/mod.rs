@@ -28,16 +28,24 @@ use serde::{Deserialize, Serialize, Serializer};
 
 use super::write::atomic;
 use super::{StoreError, regular_file};
-use crate::text::PROGRAM;
+use crate::text::program;
 
-/// Name of a program and its version. The default is this program.
+/// Name of a program, its version and its commit. The default is this program.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Program(pub String);
 
+impl Program {
+    /// Returns whether this program has the same name and version, whatever its commit.
+    pub fn is_same_version(&self) -> bool {
+        let version = |program: &str| program.split(" (").next().map(str::to_owned);
+        version(&self.0) == version(program())
+    }
+}
+
 impl Default for Program {
     fn default() -> Program {
-        Program(PROGRAM.to_owned())
+        Program(program().to_owned())
     }
 }
 
@@ -137,7 +145,7 @@ struct Head {
 impl Head {
     /// Whether another program wrote the file, in another version.
     fn is_foreign(&self, version: u32) -> bool {
-        self.version != Some(version) && self.program.as_deref() != Some(PROGRAM)
+        self.version != Some(version) && self.program.as_deref() != Some(program())
     }
 }
 
@@ -179,10 +187,11 @@ pub enum Problem {
     Damaged(String),
     /// Another version of the program wrote it.
     #[error(
-        " was written by {} in another format (version {}), which {PROGRAM} does not read; read it \
+        " was written by {} in another format (version {}), which {} does not read; read it \
          with that program, or remove it",
         program.as_deref().unwrap_or("an older lumbre"),
-        version.map_or_else(|| "unknown".to_owned(), |version| version.to_string())
+        version.map_or_else(|| "unknown".to_owned(), |version| version.to_string()),
+        crate::text::program()
     )]
     OtherVersion {
         /// Version of the file's format, if it has one.
@@ -326,7 +335,8 @@ mod tests {
     fn a_file_reads_back_and_states_its_version_and_program_first() {
         let text = failed().text();
         assert!(text.starts_with(&format!(
-            "{{\n  \"version\": 1,\n  \"program\": \"{PROGRAM}\""
+            "{{\n  \"version\": 1,\n  \"program\": \"{}\"",
+            program()
         )));
         assert_eq!(FailedFile::parse(text.as_bytes()), Ok(failed()));
     }
@@ -334,7 +344,7 @@ mod tests {
     #[test]
     fn files_of_other_versions_are_refused_with_their_writer() {
         let problem = |text: &str| FailedFile::parse(text.as_bytes()).unwrap_err();
-        let foreign = failed().text().replace(PROGRAM, "lumbre 0.0.9");
+        let foreign = failed().text().replace(program(), "lumbre 0.0.9");
         assert!(FailedFile::parse(foreign.as_bytes()).is_ok(), "same format");
         let newer = foreign.replace("\"version\": 1", "\"version\": 2");
         assert_eq!(

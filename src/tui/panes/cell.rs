@@ -243,7 +243,7 @@ impl Sheet {
         let view = match camera.kind {
             CameraKind::Perspective => format!(
                 "field of view {} deg",
-                format::number(f64::from(camera.fov_deg))
+                format::number(f64::from(camera.view_deg()))
             ),
             CameraKind::Orthographic => format!(
                 "orthographic, {} high",
@@ -255,7 +255,7 @@ impl Sheet {
         if camera.kind != CameraKind::Perspective {
             return self.facts(facts);
         }
-        facts.push(match camera.aperture {
+        facts.push(match camera.lens_diameter() {
             0.0 => dim("pinhole".to_owned()),
             aperture => dim(format!("aperture {}", format::number(f64::from(aperture)))),
         });

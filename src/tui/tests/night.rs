@@ -16,7 +16,7 @@ use crate::experiment::{
 use crate::tui::model::night::NightModel;
 use lumbre_light::film::{Image, SharedImage};
 use lumbre_light::scene::SceneDesc;
-use lumbre_light::scene::desc::CameraDesc;
+use lumbre_light::scene::desc::{CameraDesc, Optics};
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
@@ -31,7 +31,7 @@ fn scene() -> SceneDesc {
         camera: CameraDesc {
             position: Vec3::Z,
             target: Vec3::ZERO,
-            fov_deg: 40.0,
+            optics: Optics::pinhole(40.0),
             ..CameraDesc::default()
         },
         materials: Vec::new(),

@@ -68,6 +68,23 @@ fn a_night_in_the_middle() {
 }
 
 #[test]
+fn a_lens_given_by_its_f_number_is_shown_with_its_view_and_diameter() {
+    let mut plan = night::plan_over(&[3], &[0.5]);
+    for cell in &mut plan.cells {
+        let scene = Arc::make_mut(&mut cell.scene);
+        scene.camera.optics = scene
+            .camera
+            .optics
+            .with_f_number(Some(16.0))
+            .with_focal_length(Some(0.05))
+            .with_sensor_height(Some(0.024));
+    }
+    let mut night = NightBuilder::new(Arc::new(plan));
+    let (model, now_s) = night.render(CellRef::Cell(0), 2).model();
+    assert_snapshot!("lens-120", screen((120, 40), &model, &view(RICH, now_s)));
+}
+
+#[test]
 fn a_night_in_ascii_without_colours() {
     let (model, now_s) = in_the_middle().model();
     for size in SIZES {

@@ -82,7 +82,9 @@ pub const FILTER: Twin = Twin {
 
 /// Returns a scene with a thin lens, and a job with a wide filter.
 fn lens() -> (Arc<CompiledScene>, Job) {
-    seen_by(|camera| (camera.aperture, camera.focus_distance) = (0.4, Some(2.5)))
+    seen_by(|camera| {
+        (camera.optics, camera.focus_distance) = (camera.optics.with_aperture(0.4), Some(2.5))
+    })
 }
 
 fn orthographic() -> (Arc<CompiledScene>, Job) {

@@ -181,7 +181,7 @@ fn closed() -> CompiledScene {
         .sphere(Vec3::new(-0.2, -0.1, -0.7), 0.1, grey(0.8))
         .sphere(Vec3::new(0.6, 0.2, -0.6), 0.25, mirror)
         .with(|s| {
-            s.camera.aperture = 0.05;
+            s.camera.optics = s.camera.optics.with_aperture(0.05);
             s.camera.focus_distance = Some(1.2);
             add_delays(s);
         });

@@ -19,7 +19,9 @@ use lumbre::experiment::{
     PlanError, Point, RunError, RunId, ScriptHooks, Sink, SinkError, StopRule, WaveRow,
 };
 use lumbre_light::film::{Film, Image};
-use lumbre_light::scene::desc::{CameraDesc, EntityDesc, MaterialDesc, ShapeDesc, Transform};
+use lumbre_light::scene::desc::{
+    CameraDesc, EntityDesc, MaterialDesc, Optics, ShapeDesc, Transform,
+};
 use lumbre_light::scene::{Note, SceneDesc, SceneError};
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::value::Value;
@@ -213,8 +215,7 @@ pub fn load_scene(file: &Path) -> LoadedScene {
             position: Vec3::new(0.0, 0.0, 4.0),
             target: Vec3::ZERO,
             up: Vec3::Y,
-            fov_deg: 40.0,
-            aperture: 0.0,
+            optics: Optics::pinhole(40.0),
             focus_distance: None,
             ..CameraDesc::default()
         },

@@ -1,6 +1,6 @@
 //! Code that the documents mention exists.
 
-use super::source::{root, text, words};
+use super::source::{from_root, project_files, root, text, words};
 
 /// Returns the `file: name` pairs of docs/inside/transport.md.
 fn pairs(page: &str) -> Vec<(String, String)> {
@@ -73,4 +73,95 @@ fn the_listing_of_an_integrator_is_the_file_that_tests_render() {
 fn the_listing_of_a_technique_of_single_samples_is_the_file_that_tests_render() {
     let file = text("crates/own-technique/tests/single_samples/technique.rs");
     check_listing("docs/reference/own_technique.md", &file);
+}
+
+/// Folders of the project at the top level whose files documents name.
+const FOLDERS: [&str; 11] = [
+    ".ci", ".cargo", "crates", "docs", "fuzz", "python", "scenes", "scripts", "src", "tests",
+    "xtask",
+];
+
+/// Paths in documents that look like the project's and are not: files that a reader writes. May only
+/// shrink.
+const FILES_OF_READERS: [&str; 8] = [
+    "ao.rs",
+    "lib/boxes.lua",
+    "lib/trees.lua",
+    "scenes/two_spheres.lua",
+    "tests/technique.rs",
+    "bdpt.floats.comp",
+    "bdpt.floats.query.comp",
+    "bdpt.floats.rgen",
+];
+
+/// Returns the paths of project files that a document names: words that begin with a folder of the
+/// project, or end like a source file. Words with a placeholder, `NAME` or `*`, are left out.
+fn named_paths(page: &str) -> Vec<String> {
+    let is_part = |c: char| c.is_alphanumeric() || "._-/{},*".contains(c);
+    page.split(|c: char| !is_part(c))
+        .map(|word| word.trim_end_matches(['.', ',', '-']))
+        .filter(|word| !word.contains("NAME") && !word.contains('*'))
+        .flat_map(expand_braces)
+        .filter(|path| {
+            let folder = path.split_once('/').map(|(folder, _)| folder);
+            folder.is_some_and(|folder| FOLDERS.contains(&folder))
+                || [".rs", ".glsl", ".comp", ".rgen", ".rahit"]
+                    .iter()
+                    .any(|end| path.ends_with(end) && path.len() > end.len())
+        })
+        .collect()
+}
+
+/// Returns what a word with one list in braces stands for: `a/{b,c}.rs` is `a/b.rs` and `a/c.rs`.
+fn expand_braces(word: &str) -> Vec<String> {
+    let parts = word
+        .split_once('{')
+        .and_then(|(before, rest)| Some((before, rest.split_once('}')?)));
+    match parts {
+        None => vec![word.to_owned()],
+        Some((before, (list, after))) => list
+            .split(',')
+            .flat_map(|item| expand_braces(&format!("{before}{item}{after}")))
+            .collect(),
+    }
+}
+
+#[test]
+fn every_path_that_documents_name_exists() {
+    let files: Vec<String> = project_files().iter().map(|path| from_root(path)).collect();
+    let ends: std::collections::BTreeSet<&str> = files
+        .iter()
+        .flat_map(|path| path.match_indices('/').map(|(at, _)| &path[at + 1..]))
+        .collect();
+    let mut missing = Vec::new();
+    let mut count = 0;
+    for page in files.iter().filter(|path| path.ends_with(".md")) {
+        // This page lists scenes of Mitsuba's repositories by their paths there.
+        if page.starts_with("fuzz/") || page == "docs/reference/fidelity-scenes.md" {
+            continue;
+        }
+        for path in named_paths(&text(page)) {
+            count += 1;
+            let exists = root().join(&path).exists() || ends.contains(path.as_str());
+            if !exists && !FILES_OF_READERS.contains(&path.as_str()) {
+                missing.push(format!("{page}: {path}"));
+            }
+        }
+    }
+    assert!(count > 500, "only {count} paths were found");
+    assert!(
+        missing.is_empty(),
+        "documents name files that do not exist:\n{}",
+        missing.join("\n")
+    );
+}
+
+#[test]
+fn paths_of_a_document_are_found_with_lists_and_without_placeholders() {
+    let page =
+        "`src/{a,b}.rs: f`, [x](../docs/c.md), scripts/d.lua. `e.rs` scenes/NAME.lua src/*.rs";
+    assert_eq!(
+        named_paths(page),
+        ["src/a.rs", "src/b.rs", "scripts/d.lua", "e.rs"]
+    );
 }

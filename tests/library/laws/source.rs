@@ -42,7 +42,8 @@ pub fn rust_files(folder: &str) -> Vec<String> {
     found
 }
 
-fn from_root(path: &Path) -> String {
+/// Returns a path from the root of the package, with `/`.
+pub fn from_root(path: &Path) -> String {
     path.strip_prefix(root())
         .unwrap()
         .to_string_lossy()

@@ -115,6 +115,58 @@ def flips(image, reference):
     }
 
 
+PATCHES = (150, 101)
+
+
+def pcg4d(x, y, z, w):
+    """Returns two of the four hashed words of arrays of 32-bit words, as `math/rng.rs` does."""
+    v = [np.asarray(a, dtype=np.uint32) * np.uint32(1664525) for a in np.broadcast_arrays(x, y, z, w)]
+    x, y, z, w = (a + np.uint32(1013904223) for a in v)
+
+    def mix(x, y, z, w):
+        x = x + y * w
+        y = y + z * x
+        z = z + x * y
+        return x, y, z, w + y * z
+
+    x, y, z, w = (a ^ (a >> np.uint32(16)) for a in mix(x, y, z, w))
+    return mix(x, y, z, w)[:2]
+
+
+def patches(seed, noise):
+    """Returns sRGB bytes, patches of several sizes and noise, as `picture` of oracle.rs does."""
+    width, height = PATCHES
+    y, x, c = np.meshgrid(np.arange(height), np.arange(width), np.arange(3), indexing="ij")
+
+    def unit(word):
+        return (word >> np.uint32(8)).astype(np.float32) * np.float32(1.0 / 16777216.0)
+
+    value = np.zeros(x.shape, dtype=np.float32)
+    for weight, side in [(0.5, 31), (0.35, 7), (0.15, 2)]:
+        value += np.float32(weight) * unit(pcg4d(x // side, y // side, c, side)[0])
+    value += np.float32(noise) * (unit(pcg4d(x, y, c, seed)[1]) - np.float32(0.5))
+    return np.rint(np.float32(255.0) * np.clip(value, 0.0, 1.0)).astype(np.uint8)
+
+
+def flips_of_patches():
+    """Returns the authors' means, and every 97th value of their maps, at several distances."""
+    reference = patches(1, 0.05)
+    rows = []
+    for noise, ppd in [(0.1, 67.0206), (0.6, 67.0206), (0.6, 25.0), (2.0, 110.0)]:
+        image = patches(2, noise)
+        errors, mean, _ = flip(image / 255.0, reference / 255.0, "LDR", srgb_values=True, ppd=ppd)
+        rows.append(
+            {
+                "noise": noise,
+                "ppd": ppd,
+                "pixels_sum": int(image.sum()) + int(reference.sum()),
+                "mean": mean,
+                "map": np.round(errors.astype(np.float64).ravel()[::97], 7).tolist(),
+            }
+        )
+    return rows
+
+
 def bias_se(difference, side):
     """Returns the standard error of the mean from the sums of square blocks."""
     pixels = difference.mean(axis=2)
@@ -199,9 +251,11 @@ def main():
         "height": HEIGHT,
         "steps": STEPS,
         "pairs": pairs,
+        "patches": flips_of_patches(),
     }
     path = Path(__file__).with_name("golden.json")
     text = json.dumps(golden, separators=(",", ":")).replace('{"name"', '\n{"name"')
+    text = text.replace('"patches"', '\n"patches"')
     path.write_text(text + "\n")
 
 

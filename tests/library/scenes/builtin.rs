@@ -129,7 +129,7 @@ fn every_surface_of_the_cornell_room_faces_inwards_and_the_camera_looks_in() {
         assert!(front(&scene, i).dot(center - a) > 0.0, "triangle {i}");
     }
     let fov = 2.0 * (12.5f32 / 35.0).atan().to_degrees();
-    assert!((desc.camera.fov_deg - fov).abs() < 1e-3);
+    assert!((desc.camera.view_deg() - fov).abs() < 1e-3);
     let axis = (desc.camera.target - desc.camera.position).normalize_or(Vec3::Z);
     let (seen, _) = nearest(&scene, desc.camera.position, axis).unwrap();
     assert!(front(&scene, seen as u32).dot(axis) < 0.0);

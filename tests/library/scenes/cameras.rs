@@ -318,7 +318,7 @@ fn a_camera_without_extent_or_with_a_lens_does_not_compile() {
     for change in heights {
         assert!(compiled(change).unwrap_err().contains("camera.view_height"));
     }
-    let e = compiled(|c| c.aperture = 0.1).unwrap_err();
+    let e = compiled(|c| c.optics = c.optics.with_aperture(0.1)).unwrap_err();
     assert!(e.contains("no lens") && e.contains("aperture = 0"), "{e}");
     let unused: fn(&mut CameraDesc) = |c| (c.kind, c.view_height) = (CameraKind::Spherical, 0.0);
     assert_eq!(compiled(unused), Ok(()));

@@ -58,7 +58,7 @@ fn edits_set_the_value_at_their_path() {
         (1.33, 0.3)
     );
     assert_eq!(
-        (s.camera.fov_deg, s.camera.focus_distance, s.camera.up.z),
+        (s.camera.view_deg(), s.camera.focus_distance, s.camera.up.z),
         (30.0, Some(2.5), 1.0)
     );
     assert_eq!((s.resolution, s.max_depth), ([64, 32], 9));

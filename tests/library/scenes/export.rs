@@ -106,7 +106,7 @@ pub(super) fn gallery(materials: Vec<MaterialDesc>) -> SceneDesc {
     let (mut desc, _) = scn(r#"{"maxdepth": 5}"#).unwrap();
     desc.camera.position = Vec3::new(0.0, 1.0, 9.0);
     desc.camera.target = Vec3::new(0.0, 0.0, 0.0);
-    desc.camera.fov_deg = 50.0;
+    desc.camera.optics = desc.camera.optics.with_fov_deg(50.0);
     let count = materials.len() as f32;
     let tile = Arc::new(
         grid(Vec2::splat(1.6), [4, 4])
@@ -396,7 +396,8 @@ fn entities_with_one_mesh_share_one_file_and_one_group() {
 #[test]
 fn the_lens_of_the_camera_is_the_same_after_import() {
     let mut desc = gallery(vec![MaterialDesc::new("wall")]);
-    (desc.camera.aperture, desc.camera.focus_distance) = (0.3, Some(7.0));
+    (desc.camera.optics, desc.camera.focus_distance) =
+        (desc.camera.optics.with_aperture(0.3), Some(7.0));
     desc.views.push(("side".to_owned(), desc.camera.clone()));
     let (imported, notes) = round_trip(&desc);
     assert!(notes.contains("only the first sensor is used"), "{notes}");

@@ -393,7 +393,8 @@ fn builtin_scenes_have_the_same_primitives_after_export_to_pbrt() {
 #[test]
 fn the_lens_and_instances_are_the_same_after_export_to_pbrt() {
     let mut desc = plain_gallery(vec![material("wall", |m| m.model = Model::Lambert)]);
-    (desc.camera.aperture, desc.camera.focus_distance) = (0.3, Some(7.0));
+    (desc.camera.optics, desc.camera.focus_distance) =
+        (desc.camera.optics.with_aperture(0.3), Some(7.0));
     desc.resolution = [40, 64];
     let tile = desc.entities[0].clone();
     for i in 0..3 {
@@ -416,7 +417,7 @@ fn the_lens_and_instances_are_the_same_after_export_to_pbrt() {
     );
     let (imported, notes) = round_trip(&desc);
     assert_eq!(imported.camera.lens_diameter(), 0.3, "{notes}");
-    assert!((imported.camera.fov_deg - desc.camera.fov_deg).abs() < 1e-4);
+    assert!((imported.camera.view_deg() - desc.camera.view_deg()).abs() < 1e-4);
     assert_eq!(
         (imported.resolution, imported.max_depth),
         (desc.resolution, desc.max_depth)

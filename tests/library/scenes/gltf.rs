@@ -63,7 +63,7 @@ fn check(desc: &SceneDesc, notes: &str) {
         (desc.camera.position, desc.camera.target),
         (Vec3::Z * 5.0, Vec3::Z * 4.0)
     );
-    assert!((desc.camera.fov_deg - 0.7f32.to_degrees()).abs() < 1e-4);
+    assert!((desc.camera.view_deg() - 0.7f32.to_degrees()).abs() < 1e-4);
     let lamp = LightKind::Point {
         position: Vec3::Y * 7.0,
         intensity: Vec3::new(4.0, 2.0, 0.0),

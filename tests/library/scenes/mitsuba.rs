@@ -54,16 +54,16 @@ fn the_camera_has_its_position_and_its_vertical_field_of_view() {
     // tan(fov_y / 2) = tan(20 degrees) / 2 for a picture twice as wide as high.
     let expected = 2.0 * (20f32.to_radians().tan() / 2.0).atan().to_degrees();
     assert!(
-        (desc.camera.fov_deg - expected).abs() < 1e-4,
+        (desc.camera.view_deg() - expected).abs() < 1e-4,
         "{}",
-        desc.camera.fov_deg
+        desc.camera.view_deg()
     );
     assert!(notes.is_empty(), "{notes}");
     // Without either a focal length of 50 mm is used.
     let none = around("").replace("<float name=\"fov\" value=\"40\"/>", "");
     let (desc, _) = Folder::new(&[("a.xml", &none)]).load("a.xml").unwrap();
     let half = 36f32.hypot(24.0) / 100.0 / 5f32.sqrt();
-    assert!((desc.camera.fov_deg - 2.0 * half.atan().to_degrees()).abs() < 1e-3);
+    assert!((desc.camera.view_deg() - 2.0 * half.atan().to_degrees()).abs() < 1e-3);
     let lens = around("").replace("perspective", "thinlens").replace(
         "<float name=\"fov\" value=\"40\"/>",
         "<string name=\"focalLength\" value=\"50mm\"/><float name=\"apertureRadius\" value=\"0.5\"/>\
@@ -71,11 +71,11 @@ fn the_camera_has_its_position_and_its_vertical_field_of_view() {
     );
     let (desc, _) = Folder::new(&[("a.xml", &lens)]).load("a.xml").unwrap();
     assert_eq!(
-        (desc.camera.aperture, desc.camera.focus_distance),
+        (desc.camera.lens_diameter(), desc.camera.focus_distance),
         (1.0, Some(3.0))
     );
     // The diagonal of 36 x 24 mm at 50 mm, of which the height is 1 / sqrt 5 here.
-    assert!((desc.camera.fov_deg - 2.0 * half.atan().to_degrees()).abs() < 1e-3);
+    assert!((desc.camera.view_deg() - 2.0 * half.atan().to_degrees()).abs() < 1e-3);
 }
 
 #[test]

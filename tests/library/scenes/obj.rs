@@ -115,7 +115,7 @@ fn the_default_camera_of_a_mesh_shows_all_of_it() {
         Vec3::Z,
         "without a scene, counter-clockwise faces must face the viewer"
     );
-    let half = (desc.camera.fov_deg / 2.0).to_radians().tan();
+    let half = (desc.camera.view_deg() / 2.0).to_radians().tan();
     for p in scene.triangles.iter().flatten() {
         let seen = *p - desc.camera.position;
         assert!(seen.z < 0.0 && seen.x.abs().max(seen.y.abs()) < half * -seen.z);

@@ -95,18 +95,18 @@ fn the_field_of_view_is_that_of_the_smaller_side() {
     let wide = "\"integer xresolution\" 200 \"integer yresolution\" 100";
     let (desc, _) = view(wide, "");
     assert_eq!(desc.resolution, [200, 100]);
-    assert!((desc.camera.fov_deg - 40.0).abs() < 1e-4);
+    assert!((desc.camera.view_deg() - 40.0).abs() < 1e-4);
     let high = "\"integer xresolution\" 100 \"integer yresolution\" 200";
     let expected = 2.0 * (2.0 * 20f32.to_radians().tan()).atan().to_degrees();
-    assert!((view(high, "").0.camera.fov_deg - expected).abs() < 1e-3);
+    assert!((view(high, "").0.camera.view_deg() - expected).abs() < 1e-3);
     let (desc, notes) = view(wide, "\"float screenwindow\" [ -1 1 -0.5 0.5 ]");
     let expected = 2.0 * (0.5 * 20f32.to_radians().tan()).atan().to_degrees();
-    assert!((desc.camera.fov_deg - expected).abs() < 1e-3 && !notes.contains("square"));
+    assert!((desc.camera.view_deg() - expected).abs() < 1e-3 && !notes.contains("square"));
     let (_, notes) = view(wide, "\"float screenwindow\" [ 0 1 -1 1 ]");
     assert!(notes.contains("not square"), "{notes}");
     let (desc, _) = view(wide, "\"float lensradius\" 0.25 \"float focaldistance\" 7");
     assert_eq!(
-        (desc.camera.aperture, desc.camera.focus_distance),
+        (desc.camera.lens_diameter(), desc.camera.focus_distance),
         (0.5, Some(7.0))
     );
 }

@@ -17,7 +17,7 @@ fn an_empty_object_is_the_default_scene() {
         (desc.camera.position, desc.camera.target),
         (Vec3::ZERO, Vec3::new(0.0, 0.0, 2.0))
     );
-    assert_eq!(desc.camera.fov_deg, 45.0);
+    assert_eq!(desc.camera.view_deg(), 45.0);
     let (_, notes) = compile(&desc).unwrap();
     assert!(lines(&notes).contains("no surfaces"));
 }
@@ -29,7 +29,7 @@ fn keys_ignore_case_and_a_byte_order_mark_is_accepted() {
             .unwrap();
     assert!(notes.is_empty(), "{notes:?}");
     assert_eq!(
-        (desc.max_depth, desc.camera.fov_deg, desc.camera.target),
+        (desc.max_depth, desc.camera.view_deg(), desc.camera.target),
         (7, 30.0, Vec3::Y)
     );
 }

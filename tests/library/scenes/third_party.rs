@@ -98,7 +98,7 @@ fn the_original_cornell_box_has_the_counts_and_orientation_of_its_reference() {
     );
     assert_eq!((scene.resolution, scene.max_depth), ([1280, 720], 5));
     assert_eq!(
-        (scene.camera.fov_deg, scene.camera.position),
+        (scene.camera.view_deg(), scene.camera.position),
         (60.0, Vec3::new(0.0, 0.7, 2.2))
     );
     let area: f32 = scene.emitters.iter().map(|e| e.area).sum();

@@ -238,7 +238,7 @@ fn views_replace_the_camera() {
     let before = content_hash(&s);
     edit::set(&mut s, "camera", &"above".into()).unwrap();
     assert_eq!(
-        (s.camera.position, s.camera.fov_deg),
+        (s.camera.position, s.camera.view_deg()),
         (Vec3::new(0.0, 9.0, 0.0), 60.0)
     );
     assert_ne!(content_hash(&s), before);

@@ -97,13 +97,13 @@ pub const SCENE_PARAMS: &[SceneParam] = &[
         },
         doc: "Vertical field of view of a perspective camera in degrees; has no effect if both \
               sensor_height and focal_length are set.",
-        set_checked: |s, v| s.camera.fov_deg = scalar(v),
+        set_checked: |s, v| s.camera.optics = s.camera.optics.with_fov_deg(scalar(v)),
     },
     SceneParam {
         path: "camera.aperture",
         ty: Ty::Num { min: 0.0, max: 1e6 },
         doc: "Diameter of the lens in scene units; 0 is a pinhole. Replaces the scene's f_number.",
-        set_checked: |s, v| (s.camera.aperture, s.camera.optics.f_number) = (scalar(v), None),
+        set_checked: |s, v| s.camera.optics = s.camera.optics.with_aperture(scalar(v)),
     },
     SceneParam {
         path: "camera.f_number",
@@ -112,7 +112,7 @@ pub const SCENE_PARAMS: &[SceneParam] = &[
             max: 1e6,
         },
         doc: "Focal length divided by lens diameter. Replaces the scene's aperture.",
-        set_checked: |s, v| s.camera.optics.f_number = Some(scalar(v)),
+        set_checked: |s, v| s.camera.optics = s.camera.optics.with_f_number(Some(scalar(v))),
     },
     SceneParam {
         path: "camera.focal_length",
@@ -121,7 +121,7 @@ pub const SCENE_PARAMS: &[SceneParam] = &[
             max: 1e6,
         },
         doc: "Focal length in scene units: the distance between lens and sensor.",
-        set_checked: |s, v| s.camera.optics.focal_length = Some(scalar(v)),
+        set_checked: |s, v| s.camera.optics = s.camera.optics.with_focal_length(Some(scalar(v))),
     },
     SceneParam {
         path: "camera.sensor_height",
@@ -130,7 +130,7 @@ pub const SCENE_PARAMS: &[SceneParam] = &[
             max: 1e6,
         },
         doc: "Height of the sensor in scene units.",
-        set_checked: |s, v| s.camera.optics.sensor_height = Some(scalar(v)),
+        set_checked: |s, v| s.camera.optics = s.camera.optics.with_sensor_height(Some(scalar(v))),
     },
     SceneParam {
         path: "camera.focus_distance",
@@ -365,7 +365,7 @@ pub fn apply(desc: &mut SceneDesc, changes: &BTreeMap<String, Value>) -> Result<
             "set either the lens diameter (`aperture`) or the f-number",
         );
     }
-    if changed("fov") && optics.focal_length.is_some() && optics.sensor_height.is_some() {
+    if changed("fov") && optics.determine_view() {
         return fail(
             "fov",
             "the field of view is already determined by `sensor_height` and `focal_length`",

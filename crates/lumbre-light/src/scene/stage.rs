@@ -3,8 +3,8 @@
 use glam::{Affine3A, Quat, Vec2, Vec3};
 
 use super::desc::{
-    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, SceneDesc, ShapeDesc,
-    TextureSlot, Transform,
+    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, Optics, SceneDesc,
+    ShapeDesc, TextureSlot, Transform,
 };
 use super::load::default_scene::{bounds, corners, framing_camera};
 use super::shape;
@@ -101,7 +101,7 @@ fn studio_camera([low, high]: [Vec3; 2], resolution: [u32; 2]) -> CameraDesc {
     CameraDesc {
         position: center + back * distance.max(1.1 * radius),
         target: center,
-        fov_deg: FOV_DEG,
+        optics: Optics::pinhole(FOV_DEG),
         ..CameraDesc::default()
     }
 }
@@ -176,7 +176,7 @@ mod tests {
         let camera = &scene.camera;
         let forward = (camera.target - camera.position).normalize_or(Vec3::Z);
         let up = (Vec3::Y - forward * Vec3::Y.dot(forward)).normalize_or(Vec3::Y);
-        let slope = (camera.fov_deg.to_radians() / 2.0).tan();
+        let slope = (camera.view_deg().to_radians() / 2.0).tan();
         let heights = [Vec3::new(-0.5, -1.0, -0.25), Vec3::new(0.5, 1.0, 0.25)].map(|corner| {
             let p = corner - camera.position;
             p.dot(up) / (p.dot(forward) * slope)

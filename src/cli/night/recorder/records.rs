@@ -12,7 +12,7 @@ use crate::store::schema::run::{DoneFile, RunResults};
 use crate::store::schema::values::Real;
 use crate::store::schema::{Program, Version};
 use crate::store::{Host, utc};
-use crate::text::PROGRAM;
+use crate::text::program;
 use lumbre_light::scene::desc::content_hash;
 use lumbre_render::OpenStats;
 use lumbre_render::denoise::Denoise;
@@ -76,7 +76,7 @@ impl RunFacts {
             ("samples", samples.to_string()),
             ("seed", self.seed.to_string()),
             ("device", self.device.clone()),
-            ("program", PROGRAM.to_owned()),
+            ("program", program().to_owned()),
         ];
         pairs
             .into_iter()

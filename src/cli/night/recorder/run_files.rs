@@ -11,7 +11,7 @@ use crate::experiment::{CellRef, SinkError};
 use crate::output::{exr, layer, plot, png, time};
 use crate::store::schema::run::BiasCheckFile;
 use crate::store::{BIAS_CHECK_PREFIX, FILMS, HALVES, NOISE, RAW, RunWriter, StoredFile};
-use crate::text::PROGRAM;
+use crate::text::program;
 use lumbre_light::film::Film;
 use lumbre_light::film::layer::LayerImage;
 use lumbre_light::film::time::TimeCube;
@@ -171,7 +171,7 @@ impl Recorder<'_> {
                 "shows",
                 format!("z-scores of blocks against {technique}, blue -{MAP_TOP} to red {MAP_TOP}"),
             ),
-            ("program", PROGRAM.to_owned()),
+            ("program", program().to_owned()),
         ]
         .map(|(key, value)| (key.to_owned(), value));
         let picture =

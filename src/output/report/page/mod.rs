@@ -18,7 +18,7 @@ use crate::experiment::night_results::{NightResults, RunState};
 use crate::output::metric_display::MetricDisplay;
 use crate::output::plot::axis::Scale;
 use crate::output::provenance::Provenance;
-use crate::text::PROGRAM;
+use crate::text::program;
 use lumbre_metrics::map::Colours;
 
 use crate::output::plot::svg::{base64, escape};
@@ -134,7 +134,7 @@ fn data(study: &Study, context: &ReportContext, views: &[View]) -> Json {
         String::new()
     };
     json!({
-        "program": PROGRAM, "axes": axes, "metrics": metrics, "series": series, "nights": nights,
+        "program": program(), "axes": axes, "metrics": metrics, "series": series, "nights": nights,
         "command": context.again, "facets": facets, "clock": clock, "magma": magma, "runs": runs, "views": views,
     })
 }
@@ -262,12 +262,13 @@ fn list(sentences: &[String]) -> String {
 fn head(title: &str, provenance: &Provenance) -> String {
     let font = base64(epaint_default_fonts::UBUNTU_LIGHT);
     let title = escape(title);
+    let program = program();
     let provenance = escape(&provenance.text());
     format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <meta http-equiv=\"Content-Security-Policy\" content=\"{SECURITY_POLICY}\">\n\
-         <meta name=\"generator\" content=\"{PROGRAM}\">\n\
+         <meta name=\"generator\" content=\"{program}\">\n\
          <meta name=\"lumbre.provenance\" content=\"{provenance}\">\n\
          <title>{title} · Lumbre</title>\n\
          <style>\n@font-face {{ font-family: \"Lumbre\"; \

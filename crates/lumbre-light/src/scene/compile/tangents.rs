@@ -64,7 +64,8 @@ mod tests {
 
     use crate::scene::compile;
     use crate::scene::desc::{
-        CameraDesc, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Transform, mesh_hash,
+        CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Transform,
+        mesh_hash,
     };
 
     fn scene(uvs: Vec<Vec2>, anisotropic: f32) -> SceneDesc {
@@ -88,7 +89,7 @@ mod tests {
             camera: CameraDesc {
                 position: Vec3::Z,
                 target: Vec3::ZERO,
-                fov_deg: 40.0,
+                optics: Optics::pinhole(40.0),
                 ..CameraDesc::default()
             },
             materials: vec![MaterialDesc {

@@ -65,40 +65,110 @@ pub struct CameraDesc {
     pub target: Vec3,
     /// Direction that points up in the image.
     pub up: Vec3,
-    /// Vertical field of view of a perspective camera in degrees, between 0 and 180 exclusive.
-    /// `optics` may override it; see [`CameraDesc::view_deg`].
-    pub fov_deg: f32,
     /// Height of the picture of an orthographic camera in scene units, positive.
     #[serde(default = "default_view_height")]
     pub view_height: f32,
     /// The part of this view that the picture shows; a spherical camera shows the whole.
     #[serde(default)]
     pub window: ViewWindow,
-    /// Diameter of the lens in scene units; 0 is a pinhole. `optics` may override it; see
-    /// [`CameraDesc::lens_diameter`].
-    pub aperture: f32,
     /// Distance from the lens to the focal plane along the axis; `None` is the distance to
     /// `target`.
     pub focus_distance: Option<f32>,
-    /// Lens and sensor in photographic terms, as in thesis S1 (docs/inside/transport.md).
+    /// Field of view and lens of a perspective camera.
     pub optics: Optics,
 }
 
-/// Lens and sensor of a real camera. The fields that are set override [`CameraDesc::aperture`] and
-/// [`CameraDesc::fov_deg`].
+/// Field of view and lens as a scene states them: as an angle and a diameter, or in photographic
+/// terms, which override these. [`CameraDesc::view_deg`] and [`CameraDesc::lens_diameter`] return what
+/// follows; the values themselves are private, so that none is shown without the one that overrides
+/// it.
 ///
 /// The sensor is at the focal length behind the lens, as in thesis S1 (docs/inside/transport.md), whatever
 /// the focus distance. (A real lens moves away from its sensor to focus on a near object, which
 /// narrows the view slightly.) S1 states focal length and sensor in metres; here they are in scene
 /// units, like all lengths.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Optics {
-    /// Focal length divided by lens diameter, positive.
-    pub f_number: Option<f32>,
-    /// Focal length in scene units, positive.
-    pub focal_length: Option<f32>,
-    /// Height of the part of the sensor that the image fills, in scene units, positive.
-    pub sensor_height: Option<f32>,
+    fov_deg: f32,
+    aperture: f32,
+    f_number: Option<f32>,
+    focal_length: Option<f32>,
+    sensor_height: Option<f32>,
+}
+
+impl Default for Optics {
+    /// Returns a pinhole with a vertical field of view of 45 degrees.
+    fn default() -> Optics {
+        Optics::pinhole(45.0)
+    }
+}
+
+impl Optics {
+    /// Returns a pinhole with a vertical field of view in degrees, between 0 and 180 exclusive.
+    pub fn pinhole(fov_deg: f32) -> Optics {
+        Optics {
+            fov_deg,
+            aperture: 0.0,
+            f_number: None,
+            focal_length: None,
+            sensor_height: None,
+        }
+    }
+
+    /// Replaces the vertical field of view in degrees, between 0 and 180 exclusive.
+    pub fn with_fov_deg(self, fov_deg: f32) -> Optics {
+        Optics { fov_deg, ..self }
+    }
+
+    /// Replaces the diameter of the lens in scene units, 0 for a pinhole, and removes the f-number.
+    pub fn with_aperture(self, aperture: f32) -> Optics {
+        Optics {
+            aperture,
+            f_number: None,
+            ..self
+        }
+    }
+
+    /// Replaces the f-number: focal length divided by lens diameter, positive.
+    pub fn with_f_number(self, f_number: Option<f32>) -> Optics {
+        Optics { f_number, ..self }
+    }
+
+    /// Replaces the focal length in scene units, positive.
+    pub fn with_focal_length(self, focal_length: Option<f32>) -> Optics {
+        Optics {
+            focal_length,
+            ..self
+        }
+    }
+
+    /// Replaces the height of the part of the sensor that the image fills, in scene units, positive.
+    pub fn with_sensor_height(self, sensor_height: Option<f32>) -> Optics {
+        Optics {
+            sensor_height,
+            ..self
+        }
+    }
+
+    /// Returns the f-number if it is set.
+    pub fn f_number(&self) -> Option<f32> {
+        self.f_number
+    }
+
+    /// Returns the focal length in scene units if it is set. See [`CameraDesc::focal_length`].
+    pub fn focal_length(&self) -> Option<f32> {
+        self.focal_length
+    }
+
+    /// Returns the height of the sensor in scene units if it is set.
+    pub fn sensor_height(&self) -> Option<f32> {
+        self.sensor_height
+    }
+
+    /// Returns whether focal length and sensor height determine the field of view.
+    pub fn determine_view(&self) -> bool {
+        self.focal_length.is_some() && self.sensor_height.is_some()
+    }
 }
 
 /// Smallest and greatest height of the picture of an orthographic camera, in scene units.
@@ -121,10 +191,8 @@ impl Default for CameraDesc {
             position: Vec3::ZERO,
             target: Vec3::NEG_Z,
             up: Vec3::Y,
-            fov_deg: 45.0,
             view_height: DEFAULT_VIEW_HEIGHT,
             window: ViewWindow::WHOLE,
-            aperture: 0.0,
             focus_distance: None,
             optics: Optics::default(),
         }
@@ -133,11 +201,11 @@ impl Default for CameraDesc {
 
 impl CameraDesc {
     /// Returns the vertical field of view in degrees: `2 atan(h / 2f)` if a sensor height `h` and a
-    /// focal length `f` are set, else [`CameraDesc::fov_deg`].
+    /// focal length `f` are set, else the angle that is set.
     pub fn view_deg(&self) -> f32 {
         match (self.optics.sensor_height, self.optics.focal_length) {
             (Some(height), Some(focal)) => (2.0 * (0.5 * height / focal).atan()).to_degrees(),
-            _ => self.fov_deg,
+            _ => self.optics.fov_deg,
         }
     }
 
@@ -154,19 +222,19 @@ impl CameraDesc {
 
     /// Returns the focal length if it is set or follows from sensor height and field of view.
     pub fn focal_length(&self) -> Option<f32> {
-        let from_view = |height: f32| 0.5 * height / (0.5 * self.fov_deg.to_radians()).tan();
+        let from_view = |height: f32| 0.5 * height / (0.5 * self.optics.fov_deg.to_radians()).tan();
         self.optics
             .focal_length
             .or(self.optics.sensor_height.map(from_view))
     }
 
     /// Returns the lens diameter in scene units: focal length over f-number if an f-number is set,
-    /// else [`CameraDesc::aperture`]. An f-number without a focal length, which loaders and sweeps
+    /// else the diameter that is set. An f-number without a focal length, which loaders and sweeps
     /// refuse, yields a pinhole.
     pub fn lens_diameter(&self) -> f32 {
         match self.optics.f_number {
             Some(number) => self.focal_length().map_or(0.0, |focal| focal / number),
-            None => self.aperture,
+            None => self.optics.aperture,
         }
     }
 
@@ -204,9 +272,11 @@ mod tests {
 
     fn camera(optics: Optics) -> CameraDesc {
         CameraDesc {
-            fov_deg: 60.0,
-            aperture: 0.25,
-            optics,
+            optics: Optics {
+                fov_deg: 60.0,
+                aperture: 0.25,
+                ..optics
+            },
             ..CameraDesc::default()
         }
     }
@@ -249,14 +319,14 @@ mod tests {
         let lens = camera(Optics {
             f_number: Some(2.0),
             focal_length: Some(0.05),
-            sensor_height: None,
+            ..Optics::default()
         });
         assert_eq!((lens.view_deg(), lens.lens_diameter()), (60.0, 0.025));
         // tan 30 degrees is 1 / sqrt 3: a sensor of height 2 is sqrt 3 behind the lens.
         let sensor = camera(Optics {
             f_number: Some(2.0),
-            focal_length: None,
             sensor_height: Some(2.0),
+            ..Optics::default()
         });
         assert_eq!(sensor.view_deg(), 60.0);
         assert!((sensor.lens_diameter() - 0.5 * 3f32.sqrt()).abs() < 1e-6);

@@ -439,7 +439,8 @@ mod tests {
         };
         let plain = CAMERA_KINDS.map(|(kind, _)| hash(kind, |_| ()));
         assert!(plain[0] != plain[1] && plain[1] != plain[2] && plain[2] != plain[0]);
-        let wider = CAMERA_KINDS.map(|(kind, _)| hash(kind, |c| c.fov_deg = 77.0));
+        let wider =
+            CAMERA_KINDS.map(|(kind, _)| hash(kind, |c| c.optics = c.optics.with_fov_deg(77.0)));
         assert!(wider[0] != plain[0] && wider[1..] == plain[1..]);
         let higher = CAMERA_KINDS.map(|(kind, _)| hash(kind, |c| c.view_height = 77.0));
         assert!(higher[1] != plain[1] && [higher[0], higher[2]] == [plain[0], plain[2]]);

@@ -8,7 +8,7 @@ use glam::{BVec3, DVec3, Vec3};
 
 use super::scn;
 use crate::scene::desc::{
-    CameraDesc, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Transform,
+    CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Transform,
 };
 
 /// Number of vertices up to which a bounding box is computed from all vertices; beyond, bounding
@@ -97,7 +97,7 @@ pub fn framing_camera(bounds: Option<[Vec3; 2]>) -> CameraDesc {
     CameraDesc {
         position: center + Vec3::Z * distance,
         target: center,
-        fov_deg,
+        optics: Optics::pinhole(fov_deg),
         ..CameraDesc::default()
     }
 }

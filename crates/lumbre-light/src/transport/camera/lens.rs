@@ -502,6 +502,7 @@ fn film_coordinate<R: Real>(pixel: R, offset: R, resolution: f32) -> R {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::desc::Optics;
     use crate::transport::camera::FilterKind;
 
     fn desc(aperture: f32) -> CameraDesc {
@@ -509,8 +510,7 @@ mod tests {
             position: Vec3::new(0.0, 0.0, 5.0),
             target: Vec3::ZERO,
             up: Vec3::Y,
-            fov_deg: 90.0,
-            aperture,
+            optics: Optics::pinhole(90.0).with_aperture(aperture),
             ..CameraDesc::default()
         }
     }

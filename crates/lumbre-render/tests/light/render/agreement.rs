@@ -436,7 +436,8 @@ fn integrators_agree_with_a_thin_lens() {
             .sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0))
             .build(),
     );
-    (scene.camera.aperture, scene.camera.focus_distance) = (0.4, Some(2.5));
+    scene.camera.optics = scene.camera.optics.with_aperture(0.4);
+    scene.camera.focus_distance = Some(2.5);
     agree_with_bpt(&Arc::new(scene), 4, None, 1000);
 }
 
@@ -490,7 +491,8 @@ fn integrators_agree_on_caustics_of_an_environment_map() {
         rotation_rad: 2.5,
         sampling: Default::default(),
     });
-    (scene.camera.aperture, scene.camera.focus_distance) = (0.2, Some(2.5));
+    scene.camera.optics = scene.camera.optics.with_aperture(0.2);
+    scene.camera.focus_distance = Some(2.5);
     agree_with_bpt(&Arc::new(scene), 6, None, 800);
 }
 

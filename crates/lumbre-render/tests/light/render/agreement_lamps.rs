@@ -30,7 +30,7 @@ fn integrators_agree_on_caustic_and_reflection_of_the_glass_egg() {
     // The egg and its caustic on the table, from above.
     (desc.camera.position, desc.camera.target) =
         (Vec3::new(0.2, 1.0, 0.5), Vec3::new(0.17, 0.45, -0.45));
-    desc.camera.fov_deg = 24.0;
+    desc.camera.optics = desc.camera.optics.with_fov_deg(24.0);
     let scene = Arc::new(compile(&desc).unwrap().0);
     let picture = |(row, params): Technique, seed: u64, samples: u64| -> Film {
         let mut j = job([36, 24], 5, seed);

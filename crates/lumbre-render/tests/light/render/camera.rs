@@ -31,8 +31,7 @@ fn camera(aperture: f32, filter: FilterSpec) -> Camera {
         position: Vec3::new(0.7, -1.0, 2.5),
         target: Vec3::new(0.1, 0.1, 0.0),
         up: Vec3::new(0.1, 1.0, 0.2),
-        fov_deg: 50.0,
-        aperture,
+        optics: Optics::pinhole(50.0).with_aperture(aperture),
         focus_distance: Some(1.9),
         ..CameraDesc::default()
     };
@@ -274,17 +273,15 @@ fn points_behind_the_camera_or_outside_the_film_are_not_connected() {
 /// Returns a camera with the lens and sensor of a small-format camera, looking along -z from the
 /// origin, focused at 2.
 fn small_format_camera() -> CameraDesc {
-    let optics = Optics {
-        f_number: Some(1.4),
-        focal_length: Some(0.05),
-        sensor_height: Some(0.024),
-    };
+    let optics = Optics::pinhole(170.0)
+        .with_aperture(9.0)
+        .with_f_number(Some(1.4))
+        .with_focal_length(Some(0.05))
+        .with_sensor_height(Some(0.024));
     CameraDesc {
         position: Vec3::ZERO,
         target: -2.0 * Vec3::Z,
         up: Vec3::Y,
-        fov_deg: 170.0,
-        aperture: 9.0,
         focus_distance: None,
         optics,
         ..CameraDesc::default()
@@ -298,11 +295,7 @@ fn sensor_height_and_focal_length_determine_the_field_of_view() {
         radius: 0.0,
     };
     let pinhole = CameraDesc {
-        aperture: 0.0,
-        optics: Optics {
-            f_number: None,
-            ..small_format_camera().optics
-        },
+        optics: small_format_camera().optics.with_aperture(0.0),
         ..small_format_camera()
     };
     let camera = Camera::new(&pinhole, [3, 1000], points);
@@ -489,7 +482,7 @@ fn splats_through_every_filter_have_the_mean_of_camera_rays() {
     let mut films = Vec::new();
     for (i, (kind, _)) in FILTERS.into_iter().enumerate() {
         for aperture in [0.0, 0.15] {
-            scene.camera.aperture = aperture;
+            scene.camera.optics = scene.camera.optics.with_aperture(aperture);
             let scene = Arc::new(scene.clone());
             let filter = FilterSpec {
                 kind,

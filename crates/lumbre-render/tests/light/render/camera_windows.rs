@@ -1,7 +1,7 @@
 //! Cameras that show a part of their view: crops, views off the axis and mirrored pictures.
 
 use glam::Vec3;
-use lumbre_light::scene::desc::{CameraDesc, CameraKind, ViewWindow};
+use lumbre_light::scene::desc::{CameraDesc, CameraKind, Optics, ViewWindow};
 use lumbre_light::transport::camera::{Camera, FilterSpec};
 
 use crate::common::{grey, light};
@@ -20,11 +20,11 @@ fn desc(kind: CameraKind, window: [f32; 4]) -> CameraDesc {
         target: Vec3::new(0.1, 0.1, 0.0),
         up: Vec3::new(0.1, 1.0, 0.2),
         view_height: 1.6,
-        aperture: if kind == CameraKind::Perspective {
+        optics: Optics::default().with_aperture(if kind == CameraKind::Perspective {
             0.3
         } else {
             0.0
-        },
+        }),
         window: ViewWindow::from_array(window),
         ..CameraDesc::default()
     }

@@ -9,8 +9,8 @@ use lumbre_light::math::warp::uniform_sphere;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{NONE, Sharing, compile_sharing};
 use lumbre_light::scene::desc::{
-    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, SceneDesc,
-    ShapeDesc, Transform, mesh_hash,
+    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, Optics,
+    SceneDesc, ShapeDesc, Transform, mesh_hash,
 };
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::ray::{Hit, Ray};
@@ -118,8 +118,7 @@ pub fn desc(materials: Vec<MaterialDesc>, entities: Vec<EntityDesc>) -> SceneDes
             position: Vec3::new(0.0, 1.0, 9.0),
             target: Vec3::ZERO,
             up: Vec3::Y,
-            fov_deg: 45.0,
-            aperture: 0.0,
+            optics: Optics::pinhole(45.0),
             focus_distance: None,
             ..CameraDesc::default()
         },

@@ -396,7 +396,8 @@ fn weights_are_exact_with_a_thin_lens() {
             .sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0))
             .build(),
     );
-    (scene.camera.aperture, scene.camera.focus_distance) = (0.4, Some(2.5));
+    scene.camera.optics = scene.camera.optics.with_aperture(0.4);
+    scene.camera.focus_distance = Some(2.5);
     scene.environment = Some(sky());
     assert_weights_are_exact(&Arc::new(scene), 5);
 }

@@ -36,7 +36,7 @@ fn scene() -> Arc<CompiledScene> {
             .sphere(Vec3::new(0.3, -0.5, -0.2), 0.4, glass)
             .build(),
     );
-    scene.camera.aperture = 0.1;
+    scene.camera.optics = scene.camera.optics.with_aperture(0.1);
     Arc::new(scene)
 }
 

@@ -10,7 +10,7 @@ use lumbre_light::film::Film;
 use lumbre_light::scene::compile::{Environment, Material, Texture};
 use lumbre_light::scene::desc::{
     CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSampling, EnvironmentSource, MaterialDesc,
-    MeshDesc, SceneDesc, ShadingNormals, ShapeDesc, Texels, TextureDesc, TextureFilter,
+    MeshDesc, Optics, SceneDesc, ShadingNormals, ShapeDesc, Texels, TextureDesc, TextureFilter,
     TextureSlot, Transform, mesh_hash,
 };
 use lumbre_light::scene::{CompiledScene, compile};
@@ -253,7 +253,7 @@ fn octahedra(mesh: Arc<MeshDesc>, kind: ShadingNormals, maps: bool, count: u32) 
         max_depth: 3,
         camera: CameraDesc {
             position: Vec3::new(0.5, 0.3, 8.0),
-            fov_deg: 40.0,
+            optics: Optics::pinhole(40.0),
             ..CameraDesc::default()
         },
         views: vec![],

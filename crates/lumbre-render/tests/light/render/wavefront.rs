@@ -268,7 +268,10 @@ fn every_camera_has_the_same_bits_in_lanes() {
         assert_same_film_bits(name, &scene().build(), with_lvc(job), 3);
     }
     let lens = scene()
-        .with(|s| (s.camera.aperture, s.camera.focus_distance) = (0.1, Some(0.7)))
+        .with(|s| {
+            (s.camera.optics, s.camera.focus_distance) =
+                (s.camera.optics.with_aperture(0.1), Some(0.7))
+        })
         .build();
     assert_same_bits("lens", &lens, nee_job([21, 13], 3), 5);
     assert_same_bits("lens", &lens, with_bdpt(nee_job([21, 13], 3)), 5);

@@ -4,7 +4,7 @@ use glam::Affine3A;
 
 use super::super::mesh::area_and_front;
 use super::*;
-use crate::scene::desc::{MaterialDesc, MeshDesc, Transform, mesh_hash};
+use crate::scene::desc::{MaterialDesc, MeshDesc, Optics, Transform, mesh_hash};
 
 fn mesh(positions: Vec<Vec3>, normals: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Arc<MeshDesc> {
     let mut m = MeshDesc {
@@ -31,7 +31,7 @@ fn scene(shapes: Vec<(ShapeDesc, Transform)>, material: MaterialDesc) -> SceneDe
         camera: CameraDesc {
             position: Vec3::Z * 5.0,
             target: Vec3::ZERO,
-            fov_deg: 45.0,
+            optics: Optics::pinhole(45.0),
             ..CameraDesc::default()
         },
         materials: vec![material],

@@ -241,14 +241,11 @@ impl FolderLoader<'_> {
             position,
             target: position + Vec3::NEG_Z,
             up: Vec3::Y,
-            fov_deg: (2.0 * (0.5 * sensor_height / focal).atan()).to_degrees() as f32,
-            aperture: 0.0,
             focus_distance: lens.and(focus).map(|distance| (distance + focal) as f32),
-            optics: Optics {
-                f_number: lens.map(|x| x as f32),
-                focal_length: Some(focal as f32),
-                sensor_height: Some(sensor_height as f32),
-            },
+            optics: Optics::default()
+                .with_f_number(lens.map(|x| x as f32))
+                .with_focal_length(Some(focal as f32))
+                .with_sensor_height(Some(sensor_height as f32)),
             ..CameraDesc::default()
         };
         if camera.position == camera.target {

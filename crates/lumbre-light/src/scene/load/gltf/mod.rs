@@ -26,7 +26,7 @@ use super::default_scene;
 use super::{MissingTextures, scn};
 use crate::scene::desc::{
     CameraDesc, CameraKind, ConeDesc, ConeEdge, EntityDesc, LightDesc, LightKind, MaterialDesc,
-    MeshDesc, SceneDesc, ShapeDesc, Transform, VIEW_HEIGHT_RANGE,
+    MeshDesc, Optics, SceneDesc, ShapeDesc, Transform, VIEW_HEIGHT_RANGE,
 };
 use crate::scene::names::UniqueNames;
 use crate::scene::{Note, SceneError};
@@ -388,7 +388,7 @@ fn list(v: &Json) -> Vec<Json> {
 fn perspective_view(view: &Json) -> Option<CameraDesc> {
     let degrees = view["yfov"].as_f64()?.to_degrees();
     (0.01..179.0).contains(&degrees).then_some(CameraDesc {
-        fov_deg: degrees as f32,
+        optics: Optics::pinhole(degrees as f32),
         ..CameraDesc::default()
     })
 }

@@ -64,7 +64,7 @@ pub(super) fn read(
     if kind == CameraKind::Orthographic {
         camera.view_height = view_height(o, &map, film.size, notes)?;
     } else {
-        camera.fov_deg = fov(o, film.size)?;
+        camera.optics = camera.optics.with_fov_deg(fov(o, film.size)?);
     }
     if camera.position == camera.target {
         return Err(o.error("the position is too far from the origin for a view direction"));
@@ -159,7 +159,7 @@ fn lens(o: &XmlObject, camera: &mut CameraDesc) -> Result<(), SceneError> {
              of 0 or more and a positive distance"
         )));
     }
-    camera.aperture = (2.0 * radius) as f32;
+    camera.optics = camera.optics.with_aperture((2.0 * radius) as f32);
     camera.focus_distance = Some(focus as f32);
     Ok(())
 }

@@ -5,7 +5,7 @@ use glam::{DAffine3, DVec3};
 use super::Version;
 use super::params::Params;
 use super::token::truncated;
-use crate::scene::desc::{CameraDesc, CameraKind, MAX_SIDE, VIEW_HEIGHT_RANGE};
+use crate::scene::desc::{CameraDesc, CameraKind, MAX_SIDE, Optics, VIEW_HEIGHT_RANGE};
 use crate::scene::load::film::Film;
 use crate::scene::{Note, SceneError};
 
@@ -215,7 +215,7 @@ pub(super) fn read(
                 truncated(other)
             )));
             CameraDesc {
-                fov_deg: 90.0,
+                optics: Optics::pinhole(90.0),
                 window: film.window([0.0; 2]),
                 ..towards(forward)
             }
@@ -251,9 +251,9 @@ fn perspective(
     let half = (0.5 * fov.to_radians()).tan() * screen.half_height;
     let (radius, focus) = lens(params, scale)?;
     Ok(CameraDesc {
-        fov_deg: (2.0 * half.atan()).to_degrees() as f32,
         window: film.window(screen.offset),
-        aperture: (2.0 * radius) as f32,
+        optics: Optics::pinhole((2.0 * half.atan()).to_degrees() as f32)
+            .with_aperture((2.0 * radius) as f32),
         focus_distance: (radius > 0.0).then_some(focus.min(1e12) as f32),
         ..camera
     })

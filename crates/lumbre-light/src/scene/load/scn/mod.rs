@@ -246,8 +246,8 @@ fn camera(
     if let Some((at, _)) = object.get("antialiasing_radius") {
         diagnostics.note(at, "the pixel filter is set by the script's `aa`; ignored");
     }
-    let (aperture, focus_distance, optics) = lens(&mut object, diagnostics)?;
-    if has_fov && optics.focal_length.is_some() && optics.sensor_height.is_some() {
+    let (focus_distance, optics) = lens(&mut object, diagnostics)?;
+    if has_fov && optics.determine_view() {
         return Err(diagnostics.error(
             object.key_path("fov"),
             "the field of view is already determined by `sensor_height` and `focal_length`; remove \
@@ -265,10 +265,8 @@ fn camera(
         position,
         target,
         up: Vec3::Y,
-        fov_deg: fov_deg as f32,
-        aperture,
         focus_distance,
-        optics,
+        optics: optics.with_fov_deg(fov_deg as f32),
         ..CameraDesc::default()
     };
     if camera.lacks_focal_length() {
@@ -285,7 +283,7 @@ fn camera(
 fn lens(
     camera: &mut JsonObject,
     diagnostics: &Diagnostics,
-) -> Result<(f32, Option<f32>, Optics), SceneError> {
+) -> Result<(Option<f32>, Optics), SceneError> {
     let mut length = |key: &str| match camera.number(key, diagnostics)? {
         None => Ok(None),
         Some((_, x)) if x > 0.0 && x <= LENGTH_LIMIT => Ok(Some(x as f32)),
@@ -295,27 +293,26 @@ fn lens(
         )),
     };
     let focus_distance = length("focus_distance")?;
-    let optics = Optics {
-        f_number: length("f_number")?,
-        focal_length: length("focal_length")?,
-        sensor_height: length("sensor_height")?,
-    };
-    let aperture = match camera.number("aperture", diagnostics)? {
-        None => 0.0,
-        Some((at, _)) if optics.f_number.is_some() => {
+    let optics = Optics::default()
+        .with_f_number(length("f_number")?)
+        .with_focal_length(length("focal_length")?)
+        .with_sensor_height(length("sensor_height")?);
+    let optics = match camera.number("aperture", diagnostics)? {
+        None => optics,
+        Some((at, _)) if optics.f_number().is_some() => {
             return Err(diagnostics.error(
                 at,
                 "`aperture` and `f_number` exclude each other; give only one of them",
             ));
         }
-        Some((_, x)) if (0.0..=LENGTH_LIMIT).contains(&x) => x as f32,
+        Some((_, x)) if (0.0..=LENGTH_LIMIT).contains(&x) => optics.with_aperture(x as f32),
         Some((at, x)) => {
             return Err(
                 diagnostics.error(at, format!("expected a diameter of 0 or more, found {x}"))
             );
         }
     };
-    Ok((aperture, focus_distance, optics))
+    Ok((focus_distance, optics))
 }
 
 /// Returns the message for an unknown value of a `type` key, with a suggestion.
