@@ -51,6 +51,15 @@ pub fn auto_backend() -> (&'static str, String) {
     found.unwrap_or_else(|reason| (cpu::ROW.name, reason))
 }
 
+/// Opens the device that the device backends of this process render on. Returns why it cannot be
+/// opened, or `None` if it was or there is none.
+pub fn open_device() -> Option<String> {
+    #[cfg(feature = "vulkan")]
+    return lumbre_vulkan::open_device();
+    #[cfg(not(feature = "vulkan"))]
+    None
+}
+
 /// Returns an index that identifies the device of this machine that a backend renders on among
 /// those of its kind, or an empty string for the CPU.
 pub fn device_index(backend: &str) -> String {

@@ -42,6 +42,12 @@ const RENDER_S: Column = column(
     "s",
     "seconds inside the renderer so far; all comparisons use this time",
 );
+const LOST_S: Column = column(
+    "lost_s",
+    "s",
+    "seconds that other work took from the renderer, or during which the process was stopped; not in \
+     `render_s`, 0 where that is not watched",
+);
 const WALL_S: Column = column(
     "wall_s",
     "s",
@@ -81,7 +87,7 @@ const METRIC: [Column; 1] = [column(
 )];
 
 /// Columns of `metrics.csv` before the metrics.
-pub const MEASUREMENT: [Column; 8] = [
+pub const MEASUREMENT: [Column; 9] = [
     WAVE,
     column("samples", "1", "samples per pixel so far"),
     RENDER_S,
@@ -90,6 +96,7 @@ pub const MEASUREMENT: [Column; 8] = [
     PATHS,
     RAYS,
     column("invalid", "1", INVALID),
+    LOST_S,
 ];
 
 /// Columns of `summary.csv` before the axes.

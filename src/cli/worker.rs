@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::exit::{Exit, Failure};
 use super::night::log::Log;
-use lumbre_render::worker::{Launcher, serve};
+use lumbre_render::worker::{Launcher, WorkerCalls, serve};
 
 /// Makes the device backends of this process render in worker processes.
 pub fn enable_worker_processes() {
@@ -29,7 +29,10 @@ pub fn main() -> Result<Exit, Failure> {
     serve(
         std::io::stdin().lock(),
         std::io::stdout(),
-        &crate::backends::open,
+        WorkerCalls {
+            open: &crate::backends::open,
+            device: &crate::backends::open_device,
+        },
     )
     .map_err(Failure::internal)?;
     Ok(Exit::Done)

@@ -3,13 +3,23 @@
 //! Nothing here was planned in this process. A folder may come from another machine or another
 //! version, so every fact that it may lack is optional, and missing facts are not guessed.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use super::WaveRow;
 use super::spec::Presentation;
+use lumbre_light::transport::integrator::bias_of;
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
 use lumbre_render::Peer;
+
+/// Describes what a biased technique of a reference does to a comparison, without a full stop.
+pub fn biased_reference((technique, bias): (&str, &str)) -> String {
+    format!(
+        "the reference is rendered by `{technique}`, which is biased: {bias}. Errors are distances from \
+         its limit, which favours `{technique}` and what is biased alike"
+    )
+}
 
 /// Contents of one night's folder.
 #[derive(Clone, Debug)]
@@ -28,6 +38,8 @@ pub struct NightResults {
     pub metrics: Vec<MetricSpec>,
     /// Presentation of the results that the script sets.
     pub report: Presentation,
+    /// Order in which the runs were rendered, a name of [`Order`](super::spec::Order).
+    pub order: String,
     /// The machine on which the night last rendered, if recorded.
     pub machine: Option<Machine>,
     /// Runs of all cells in the order of the plan, finished or not.
@@ -101,6 +113,9 @@ pub struct RunResult {
     pub lanes: Option<u32>,
     /// External program that rendered the run, if any.
     pub peer: Option<Peer>,
+    /// Share of the time inside the renderer that other work on the machine took, or during which the process
+    /// was stopped; `None` if the run is not finished or that was not watched.
+    pub lost_share: Option<f64>,
     /// State of the run.
     pub state: RunState,
     /// Measurements, oldest first.
@@ -231,6 +246,19 @@ impl NightResults {
         let is_used = |index: usize| self.runs.iter().any(|run| run.reference == Some(index));
         let references = self.references.iter().enumerate();
         references.filter_map(move |(i, reference)| is_used(i).then_some(reference))
+    }
+
+    /// Techniques of rendered references that are biased, with the source of the bias, sorted and
+    /// without repetition.
+    pub fn biased_references(&self) -> BTreeSet<(&str, &'static str)> {
+        self.references_of_runs()
+            .filter_map(|reference| match &reference.origin {
+                ReferenceOrigin::Rendered { integrator, .. } => {
+                    Some((integrator.as_str(), bias_of(integrator)?))
+                }
+                ReferenceOrigin::Other(_) => None,
+            })
+            .collect()
     }
 
     /// Devices of all finished runs in the order of the plan, without repetition.

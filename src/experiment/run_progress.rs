@@ -69,6 +69,7 @@ impl RunProgress {
             wave: last.wave + 1,
             samples: last.samples + wave.samples,
             render_s: last.render_s + wave.render_s,
+            lost_s: last.lost_s + wave.lost_s,
             paths: last.paths + wave.paths,
             rays: last.rays + wave.rays,
             invalid: last.invalid + wave.invalid,

@@ -130,6 +130,8 @@ impl ShardSums {
             // Shards do not store the memory of their scene, which is that of every other run.
             scene: _,
             devices,
+            // The clocks of references are not compared.
+            watches_processor: _,
         } = &self.open;
         let devices = serde_json::to_vec(devices)?;
         let seconds = [upload_s, pipeline_s, accel_build_s, accel_cost].map(|x| x.to_bits());
@@ -240,6 +242,7 @@ impl JoinedShards {
         let current_wave = WaveStats {
             samples: added.samples,
             render_s: added.render_s,
+            lost_s: added.lost_s,
             paths: added.paths,
             rays: added.rays,
             invalid: added.invalid,

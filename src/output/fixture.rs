@@ -144,6 +144,7 @@ pub fn done(cell: usize, waves: &[(f64, f64)]) -> CellResult {
             wave: i as u64 + 1,
             samples: 1 << i,
             render_s: *render_s,
+            lost_s: 0.0,
             wall_s: render_s * 1.5,
             measure_s: render_s * 0.1,
             paths: 2_000_000 << i,

@@ -6,6 +6,7 @@
 //! that supports it.
 
 pub mod benchmark;
+pub mod clock;
 mod dependent_axes;
 pub mod devices;
 mod exposure;

@@ -17,6 +17,7 @@ use super::state::{Shared, missing_name};
 use super::{Script, strict};
 use crate::experiment::spec::{BiasCheckRequest, HookError, Point, ReferenceRequest, ScriptHooks};
 use crate::experiment::{CellConfig, StopRule, WaveRow};
+use lumbre_light::transport::integrator::{UNBIASED_REFERENCE, bias_of};
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::SchemaError;
 
@@ -286,7 +287,7 @@ impl Script {
         const PATH: &str = "reference.from";
         let (own, own_place) = self.render_table(point)?;
         let Some(from) = from else {
-            let own = render::merge(&own, &BTreeMap::new());
+            let own = unbiased(render::merge(&own, &BTreeMap::new()));
             let config = self.cell_config(&own, "render");
             let config = config.map_err(|e| self.locate_error(&own_place, e))?;
             return Ok((own, config));
@@ -297,7 +298,10 @@ impl Script {
             PATH,
             &place,
         )?;
-        let merged = render::merge(&own, &overrides);
+        let mut merged = render::merge(&own, &overrides);
+        if !overrides.contains_key("integrator") {
+            merged = unbiased(merged);
+        }
         let config = self.cell_config(&merged, PATH).map_err(|e| {
             // A field that is not in the overrides comes from the render function.
             let field = e
@@ -563,4 +567,15 @@ impl ScriptHooks for Script {
     ) -> Result<bool, HookError> {
         hook_result(self.evaluate_predicate(id, columns, rows))
     }
+}
+
+/// Replaces a biased integrator of a reference, which no script has named for it, by an unbiased one, and
+/// removes its parameters: a biased technique must not judge itself.
+fn unbiased(mut table: BTreeMap<String, Value>) -> BTreeMap<String, Value> {
+    let name = table.get("integrator").and_then(Value::as_str);
+    if name.and_then(bias_of).is_some() {
+        table.retain(|key, _| render::is_common(key));
+        table.insert("integrator".to_owned(), UNBIASED_REFERENCE.into());
+    }
+    table
 }

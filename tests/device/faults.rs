@@ -361,51 +361,115 @@ fn sums_stay_accurate_over_many_samples() {
     harness::assert_no_validation_messages();
 }
 
-/// Needs no device: the loader is directed to a driver file that does not exist.
-#[test]
-fn without_a_device_vulkan_plans_are_refused_with_the_reason_and_auto_is_the_cpu() {
-    let place = tempfile::tempdir().unwrap();
-    std::fs::write(
-        place.path().join("ball.scn"),
-        include_str!("../common/ball.scn"),
-    )
-    .unwrap();
-    let script = "local x = experiment('night', { seed = 1 })\n\
-        x:render(function(p)\n\
-        return { scene = 'ball.scn', integrator = 'bpt', resolution = { 8, 8 } } end)\n\
-        x:stop(stop.samples(2))\nreturn x\n";
-    std::fs::write(place.path().join("night.lua"), script).unwrap();
-    let run = |backend: &str| {
+/// Names and values of variables of the environment.
+type Variables<'a> = &'a [(&'a str, &'a std::path::Path)];
+
+/// A folder with a script of one run, in which the program is started.
+struct Place(tempfile::TempDir);
+
+impl Place {
+    fn new() -> Place {
+        let place = tempfile::tempdir().unwrap();
+        let script = "local x = experiment('night', { seed = 1 })\n\
+            x:render(function(p)\n\
+            return { scene = 'ball.scn', integrator = 'bpt', resolution = { 8, 8 } } end)\n\
+            x:stop(stop.samples(2))\nreturn x\n";
+        let write = |name: &str, text: &str| std::fs::write(place.path().join(name), text).unwrap();
+        write("ball.scn", include_str!("../common/ball.scn"));
+        write("night.lua", script);
+        Place(place)
+    }
+
+    /// Runs the program with variables of the environment. Returns its exit code and what it
+    /// printed, with single spaces.
+    fn run(&self, variables: Variables<'_>, arguments: &[&str]) -> (Option<i32>, String) {
         let mut command = Command::new(env!("CARGO_BIN_EXE_lumbre"));
-        command
-            .current_dir(place.path())
-            .args(["run", "night.lua", "-q", "--backend", backend]);
-        let missing = place.path().join("missing.json");
-        let output = command
-            .env("VK_DRIVER_FILES", &missing)
-            .env("VK_ICD_FILENAMES", &missing)
-            .output()
-            .unwrap();
+        command.current_dir(self.0.path()).args(arguments);
+        let output = command.envs(variables.iter().copied()).output().unwrap();
+        let text = [output.stdout, output.stderr].concat();
+        let words = String::from_utf8_lossy(&text);
         (
             output.status.code(),
-            String::from_utf8_lossy(&output.stderr)
-                .split_whitespace()
-                .collect::<Vec<_>>()
-                .join(" "),
+            words.split_whitespace().collect::<Vec<_>>().join(" "),
         )
-    };
-    for backend in ["vulkan", "vulkan-query", "vulkan-compute"] {
-        let (code, message) = run(backend);
-        assert_eq!(code, Some(2), "{message}");
+    }
+
+    /// Asserts that plans for devices are refused with a reason that contains `reason`, that
+    /// `doctor` states it as well, and that `auto` renders on the CPU.
+    fn assert_only_the_cpu_works(&self, variables: Variables<'_>, reason: &str) {
+        for backend in ["vulkan", "vulkan-query", "vulkan-compute"] {
+            for verb in ["plan", "run"] {
+                let (code, message) =
+                    self.run(variables, &[verb, "night.lua", "-q", "--backend", backend]);
+                assert_eq!(code, Some(2), "{message}");
+                assert!(
+                    message.contains(&format!("`{backend}` cannot be used on this machine: "))
+                        && message.contains(reason),
+                    "{message}"
+                );
+            }
+        }
         assert!(
-            message.contains(&format!("`{backend}` cannot be used on this machine: ")),
+            !self.0.path().join("out").exists(),
+            "a refused plan must not write an output folder"
+        );
+        let (code, message) = self.run(variables, &["doctor"]);
+        assert_eq!(code, Some(0), "{message}");
+        assert!(
+            message.contains("selected by auto") && message.contains(reason),
             "{message}"
         );
+        let (code, message) = self.run(variables, &["run", "night.lua", "-q"]);
+        assert_eq!(code, Some(0), "{message}");
     }
-    assert!(
-        !place.path().join("out").exists(),
-        "a refused plan must not write an output folder"
-    );
-    let (code, message) = run("auto");
-    assert_eq!(code, Some(0), "{message}");
+}
+
+/// Needs no device: the loader is directed to a driver file that does not exist, or there is no
+/// loader.
+#[test]
+fn without_a_device_vulkan_plans_are_refused_with_the_reason_and_auto_is_the_cpu() {
+    let place = Place::new();
+    let missing = place.0.path().join("missing.json");
+    let variables = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].map(|name| (name, missing.as_path()));
+    place.assert_only_the_cpu_works(&variables, "Vulkan loader");
+}
+
+/// Files named like the Vulkan loader that are not one: noise, a library without its functions, and
+/// libraries whose functions crash or return nothing.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_loader_that_is_damaged_or_crashes_is_named_and_the_cpu_works() {
+    let get = "void *vkGetInstanceProcAddr(void *instance, const char *name)";
+    let loaders = [
+        ("noise", None, "libvulkan.so.1"),
+        ("other", Some("int x;".to_owned()), "vkGetInstanceProcAddr"),
+        (
+            "crashes",
+            Some(format!("{get} {{ __builtin_trap(); }}")),
+            "a driver fails",
+        ),
+        (
+            "empty",
+            Some(format!("{get} {{ return 0; }}")),
+            "a driver fails",
+        ),
+    ];
+    for (name, source, reason) in loaders {
+        let place = Place::new();
+        let folder = place.0.path().join(name);
+        std::fs::create_dir(&folder).unwrap();
+        let library = folder.join("libvulkan.so.1");
+        match source {
+            None => std::fs::write(&library, [7; 4096]).unwrap(),
+            Some(source) => {
+                let file = folder.join("loader.c");
+                std::fs::write(&file, source).unwrap();
+                let mut compiler = Command::new("cc");
+                compiler.args(["-shared", "-fPIC", "-w", "-o"]);
+                let made = compiler.arg(&library).arg(&file).status().unwrap();
+                assert!(made.success());
+            }
+        }
+        place.assert_only_the_cpu_works(&[("LD_LIBRARY_PATH", &folder)], reason);
+    }
 }

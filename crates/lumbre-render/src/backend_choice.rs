@@ -7,22 +7,26 @@ use std::sync::OnceLock;
 /// could add floats: slower, with identical bits every time.
 pub const SPLATS_VARIABLE: &str = "LUMBRE_SPLATS";
 
+/// Environment variable that selects a device by its index or a part of its name, as listed by
+/// `lumbre doctor`.
+pub const DEVICE_VARIABLE: &str = "LUMBRE_DEVICE";
+
 static DEVICE: OnceLock<String> = OnceLock::new();
 static AUTO: OnceLock<&'static str> = OnceLock::new();
 
 /// Sets the device that graphics backends use, an index or a part of its name. Only the first call
-/// has an effect. Takes precedence over the variable `LUMBRE_DEVICE`.
+/// has an effect. Takes precedence over [`DEVICE_VARIABLE`].
 pub fn use_device(name: &str) {
     // The first call wins.
     let _ = DEVICE.set(name.to_owned());
 }
 
-/// Returns the device that was set by [`use_device`], or else by an environment variable.
-pub fn device(variable: &str) -> Option<String> {
+/// Returns the device that was set by [`use_device`], or else by [`DEVICE_VARIABLE`].
+pub fn device() -> Option<String> {
     DEVICE
         .get()
         .cloned()
-        .or_else(|| std::env::var(variable).ok())
+        .or_else(|| std::env::var(DEVICE_VARIABLE).ok())
         .filter(|name| !name.is_empty())
 }
 

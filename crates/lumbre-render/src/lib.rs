@@ -128,6 +128,9 @@ pub struct WaveStats {
     /// inside `advance`, or on a device, by the device's clock, from the start of its work on this
     /// wave to the end of its samples. Copying the sums is not included.
     pub render_s: f64,
+    /// Time in seconds of the wave that is not part of `render_s`, because other work on the machine took the
+    /// processor from the renderer, or the process was stopped; 0 where that is not watched.
+    pub lost_s: f64,
     /// Time that a device other than the CPU was busy, in seconds by its own clock; 0 without one.
     pub device_s: f64,
     /// Time in seconds by the device's clock from the end of its work for this run before this wave
@@ -162,6 +165,7 @@ impl WaveStats {
     pub fn add(&mut self, later: &WaveStats) {
         self.samples += later.samples;
         self.render_s += later.render_s;
+        self.lost_s += later.lost_s;
         self.device_s += later.device_s;
         self.idle_s += later.idle_s;
         self.paths += later.paths;
@@ -192,6 +196,8 @@ pub struct OpenStats {
     pub scene: SceneMemory,
     /// Devices that render, each once: one, unless shards were rendered on several.
     pub devices: Vec<Device>,
+    /// Whether the time that other work took from the renderer is known: see [`WaveStats::lost_s`].
+    pub watches_processor: bool,
 }
 
 impl OpenStats {

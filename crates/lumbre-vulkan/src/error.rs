@@ -7,9 +7,12 @@ use super::pipelines::sources::ShaderError;
 /// Reason why an operation on a device failed.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum VulkanError {
-    /// The Vulkan loader is not installed.
-    #[error("the Vulkan loader was not found: {0}")]
+    /// The Vulkan loader is not installed, or is no such library.
+    #[error("the Vulkan loader cannot be loaded: {0}")]
     NoLoader(String),
+    /// The loader or a driver crashed, hung or refused when a worker process opened a device.
+    #[error("the Vulkan loader or a driver fails: {0}")]
+    Broken(String),
     /// No device of this machine is suitable.
     #[error("no usable graphics device: {0}")]
     NoDevice(String),

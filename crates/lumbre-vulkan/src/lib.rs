@@ -151,6 +151,13 @@ fn probe(kind: TracingMode) -> Result<String, String> {
     }
 }
 
+/// Opens the device of this process. Returns why it cannot be opened, or `None` if it was or there is
+/// none.
+pub fn open_device() -> Option<String> {
+    context::physical_device::choose().ok()?;
+    context::session::device().err().map(|e| e.to_string())
+}
+
 /// Returns the index, in the list of devices, of the device that one of these backends renders on;
 /// `None` for other backends.
 pub fn device_index(backend: &str) -> Option<String> {
@@ -168,7 +175,7 @@ pub fn same_model_devices(backend: &str) -> Vec<String> {
     if TracingMode::ALL
         .iter()
         .all(|kind| kind.backend() != backend)
-        || backend_choice::device(context::physical_device::DEVICE_VARIABLE).is_some()
+        || backend_choice::device().is_some()
     {
         return Vec::new();
     }

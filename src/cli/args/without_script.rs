@@ -127,7 +127,7 @@ pub struct ComparisonArgs {
     /// Number of repeats, each with other random numbers.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(2..))]
     pub repeats: u32,
-    /// Technique of the reference [default: the last one].
+    /// Technique of the reference [default: the last unbiased one].
     #[arg(long, value_name = "NAME", value_parser = integrator_name)]
     pub reference: Option<String>,
 }

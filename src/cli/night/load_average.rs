@@ -23,7 +23,7 @@ fn message(load: f64, cores: usize, order: Order) -> String {
     let remedy = if order == Order::Interleave {
         "techniques take turns, so that all are slowed alike"
     } else {
-        "order = \"interleave\" in experiment(..) lets techniques take turns"
+        "without `order` in experiment(..) techniques would take turns"
     };
     format!(
         "in the last minute, {} of {} were busy: render times vary more than on an idle machine; \
@@ -44,7 +44,7 @@ mod tests {
             text.starts_with("in the last minute, 1.5 of 2 cores were busy"),
             "{text}"
         );
-        assert!(text.contains("order = \"interleave\""), "{text}");
+        assert!(text.contains("without `order`"), "{text}");
         assert!(message(1.5, 2, Order::Interleave).ends_with("slowed alike"));
     }
 }

@@ -12,10 +12,12 @@ use crate::cli::format::{display_path, rounded};
 use crate::cli::night::last_command::latest;
 use crate::cli::night::log::Log;
 use crate::cli::night::run;
-use crate::experiment::night_results::{NightResults, RunResult, efficiency};
+use crate::experiment::night_results::{NightResults, RunResult, biased_reference, efficiency};
+use crate::output::clock;
 use crate::output::lanes::mixed_lanes;
 use crate::store::read::night_results::read_night;
 use crate::store::{self, Evidence};
+use lumbre_light::transport::integrator::bias_of;
 use lumbre_metrics::MetricSpec;
 
 /// Metric by which techniques are compared.
@@ -56,16 +58,33 @@ pub fn main(args: &CompareArgs, global: &Global, log: &Log) -> Result<Exit, Fail
     let results = efficiencies(&night, &comparison.techniques);
     let found = verdicts(&results);
     let mut lines: Vec<String> = found.iter().map(sentence).collect();
+    lines.extend(night.biased_references().into_iter().map(|biased| {
+        let sentence = biased_reference(biased);
+        format!("warning: {sentence}; --reference names another technique")
+    }));
     lines.extend(floor_warning(&night, reference_technique(comparison)));
+    lines.extend(
+        clock_caveats(&night)
+            .iter()
+            .map(|sentence| format!("warning: {sentence}")),
+    );
     let runs = night.runs.iter().map(|run| (run.integrator.as_str(), run));
     lines.extend(mixed_lanes(runs).map(|sentence| format!("warning: {sentence}")));
     lines.push(format!("script: {}", display_path(&script)));
     if args.json {
-        crate::cli::json::print(as_json(&results, &found))?;
+        let reference = reference_technique(comparison);
+        crate::cli::json::print(as_json(&results, &found, reference, &clock_caveats(&night)))?;
     } else {
         print_result(&format!("\n{}\n", lines.join("\n")))?;
     }
     Ok(Exit::unless_problems(!problems.is_empty()))
+}
+
+/// Returns sentences on the clocks of the runs.
+fn clock_caveats(night: &NightResults) -> Vec<String> {
+    let finished = night.runs.iter().filter(|run| run.is_done());
+    let shares = finished.map(|run| (run.integrator.as_str(), run.lost_share));
+    clock::caveats(shares, &night.order)
 }
 
 /// Returns the metric of the comparison and its last value in a run.
@@ -140,7 +159,12 @@ fn floor_warning(night: &NightResults, reference: &str) -> Option<String> {
     })
 }
 
-fn as_json(results: &[TechniqueResults], found: &[Verdict]) -> serde_json::Value {
+fn as_json(
+    results: &[TechniqueResults],
+    found: &[Verdict],
+    reference: &str,
+    clock: &[String],
+) -> serde_json::Value {
     let techniques: Vec<_> = results
         .iter()
         .map(|r| json!({ "technique": r.name, "efficiencies": r.efficiencies }))
@@ -154,5 +178,8 @@ fn as_json(results: &[TechniqueResults], found: &[Verdict]) -> serde_json::Value
             })
         })
         .collect();
-    json!({ "metric": METRIC, "techniques": techniques, "verdicts": verdicts })
+    json!({
+        "metric": METRIC, "techniques": techniques, "verdicts": verdicts,
+        "reference": { "technique": reference, "bias": bias_of(reference) }, "clock": clock,
+    })
 }

@@ -8,7 +8,7 @@ use crate::cli::exit::Failure;
 use crate::cli::format::rounded;
 use crate::cli::scene::builtin::scene_name;
 use crate::script::literal;
-use lumbre_light::transport::integrator::integrator;
+use lumbre_light::transport::integrator::{UNBIASED_REFERENCE, bias_of, integrator};
 use lumbre_light::value::Value;
 
 /// Render time of the reference over that of one run.
@@ -30,13 +30,13 @@ pub fn experiment_name(comparison: &ComparisonArgs) -> String {
         .collect()
 }
 
-/// Returns the technique of the reference.
+/// Returns the technique of the reference: the one that is named for it, otherwise the last unbiased
+/// one of those that are compared, or else an unbiased one beside them.
 pub fn reference_technique(comparison: &ComparisonArgs) -> &str {
-    comparison
-        .reference
-        .as_deref()
-        .or(comparison.techniques.last().map(String::as_str))
-        .unwrap_or("nee")
+    let names = || comparison.techniques.iter().map(String::as_str);
+    let unbiased = names().rfind(|name| bias_of(name).is_none());
+    let named = comparison.reference.as_deref();
+    named.or(unbiased).unwrap_or(UNBIASED_REFERENCE)
 }
 
 /// Returns the script. `file` is the name under which it is saved, for the comment at its top.

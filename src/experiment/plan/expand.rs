@@ -11,12 +11,13 @@ use super::{
     BiasCheck, Cell, Plan, PlanError, PlannedCommand, Reference, ReferenceSource, RunId, Skipped,
     identity, warnings,
 };
+use crate::experiment::night_results::biased_reference;
 use crate::experiment::shards;
 use crate::experiment::spec::{
     BiasCheckRequest, CellConfig, ExperimentSpec, HookError, Point, ReferenceRequest, ScriptHooks,
 };
 use crate::experiment::stop::StopRule;
-use lumbre_light::transport::integrator::integrator;
+use lumbre_light::transport::integrator::{bias_of, integrator};
 use lumbre_light::value::Value;
 
 /// Expands an experiment to its plan.
@@ -498,8 +499,8 @@ impl<'a> Builder<'a> {
         });
         let warning = |(name, bias)| {
             format!(
-                "the reference is rendered by `{name}`, which is biased: {bias}. Its error bars \
-                 contain none of that; errors of techniques end at its bias"
+                "{}; its error bars contain none of that",
+                biased_reference((name, bias))
             )
         };
         let biased: BTreeSet<(&str, &str)> = biased.collect();
@@ -529,11 +530,6 @@ impl<'a> Builder<'a> {
         let shares: BTreeSet<&str> = shares.collect();
         shares.into_iter().map(warning).collect()
     }
-}
-
-/// Returns the source of the bias of an integrator; `None` if it is unbiased.
-fn bias_of(name: &str) -> Option<&'static str> {
-    integrator(name).and_then(|row| row.bias)
 }
 
 /// Makes a planning error of a failed script function.

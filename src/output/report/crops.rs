@@ -223,7 +223,7 @@ impl CropFigure<'_> {
         }
         sentences.extend(self.disagreements.iter().map(|d| self.disagreement(d)));
         sentences.extend(self.study.device_sentence("Rendered"));
-        sentences.extend(self.study.bias_sentence().map(str::to_owned));
+        sentences.extend(self.study.bias_sentences());
         sentences.join(" ")
     }
 

@@ -165,7 +165,7 @@ impl<'a> HeatMap<'a> {
             mean_name(self.scale),
             self.averaged_over(),
         );
-        if let Some(sentence) = study.bias_sentence() {
+        for sentence in study.bias_sentences() {
             caption += &format!(" {sentence}");
         }
         ReportItem::figure(

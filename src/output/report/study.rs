@@ -1,10 +1,10 @@
 //! Groups the runs of nights into a study: repeats, compared series, and facets in separate panels.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::ReportError;
 use super::series::{BIASED, Series};
-use crate::experiment::night_results::{NightResults, RunResult};
+use crate::experiment::night_results::{NightResults, RunResult, biased_reference};
 use crate::output::dependent_axes;
 use crate::output::format;
 use lumbre_light::transport::integrator::canonical_name;
@@ -252,10 +252,23 @@ impl<'a> Study<'a> {
         }
     }
 
-    /// Returns a sentence for captions if pictures of the study are denoised.
-    pub fn bias_sentence(&self) -> Option<&'static str> {
-        let is_denoised = self.all().any(|m| m.run.denoise.is_some());
-        is_denoised.then_some(denoise::BIAS)
+    /// Returns sentences for captions on what is biased: denoised pictures, and references.
+    pub fn bias_sentences(&self) -> impl Iterator<Item = String> {
+        let denoised = self.is_denoised().then(|| denoise::BIAS.to_owned());
+        denoised.into_iter().chain(self.biased_references())
+    }
+
+    /// Returns whether pictures of the study are denoised.
+    pub fn is_denoised(&self) -> bool {
+        self.all().any(|m| m.run.denoise.is_some())
+    }
+
+    /// Returns a sentence for each biased technique of references.
+    pub fn biased_references(&self) -> Vec<String> {
+        let nights = self.nights.iter();
+        let biased: BTreeSet<_> = nights.flat_map(|n| n.biased_references()).collect();
+        let sentence = |biased| format!("Warning: {}.", biased_reference(biased));
+        biased.into_iter().map(sentence).collect()
     }
 
     /// Returns the label of a run's series with and without names of axes, and the long name if the

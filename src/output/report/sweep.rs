@@ -287,7 +287,7 @@ fn item(
         }
         _ => {}
     }
-    if let Some(sentence) = study.bias_sentence() {
+    for sentence in study.bias_sentences() {
         caption += &format!(" {sentence}");
     }
     let provenance = provenance(study, facets);

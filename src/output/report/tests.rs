@@ -38,6 +38,7 @@ fn night(device: &str, speed: f64) -> NightResults {
         axes: vec!["scene".to_owned(), "technique".to_owned()],
         metrics: vec![metric("rmse"), metric("ssim")],
         report: Default::default(),
+        order: "interleave".to_owned(),
         machine: Some(Machine {
             host: "host".to_owned(),
             os: "linux x86_64".to_owned(),
@@ -100,6 +101,7 @@ fn run(
         resolution: Some([40, 30]),
         device: Some(device.to_owned()),
         lanes: Some(16),
+        lost_share: Some(0.0),
         peer: None,
         state: RunState::Done("128 samples per pixel".to_owned()),
         rows: rows.collect(),

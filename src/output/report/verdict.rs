@@ -3,6 +3,8 @@
 
 use super::item::{ItemKind, ReportItem};
 use super::study::Study;
+use crate::experiment::spec::Order;
+use crate::output::clock;
 use crate::output::format::significant;
 use crate::output::lanes;
 use crate::output::metric_display::MetricDisplay;
@@ -257,6 +259,20 @@ fn mixed_lanes(study: &Study) -> Option<String> {
     }))
 }
 
+/// Returns sentences on the clocks of the study's runs.
+fn clocks(study: &Study) -> Vec<String> {
+    let series = study.series.iter().enumerate();
+    let runs = series.flat_map(|(index, series)| {
+        let facets = 0..study.facets.len();
+        let members = facets.flat_map(move |facet| study.members(facet, index));
+        let finished = members.filter(|member| member.run.is_done());
+        finished.map(move |member| (series.label.as_str(), member.run.lost_share))
+    });
+    let orders = study.nights.iter().map(|night| night.order.as_str());
+    let order = orders.min_by_key(|order| *order == Order::Interleave.name());
+    clock::caveats(runs, order.unwrap_or_default())
+}
+
 /// Returns a sentence for each reference that does not agree with another technique.
 fn disagreements(study: &Study) -> Vec<String> {
     let checks = study
@@ -276,8 +292,8 @@ fn disagreements(study: &Study) -> Vec<String> {
 }
 
 /// Returns what weakens the answer: few repeats, numbers at the noise of their reference,
-/// thresholds that the first measurement had passed, series with and without vectors, and references
-/// that other techniques contradict.
+/// thresholds that the first measurement had passed, clocks that were disturbed, series with and without vectors, and references
+/// that are biased or that other techniques contradict.
 fn caveats(study: &Study, tables: &[&Table]) -> Vec<String> {
     let mut caveats = Vec::new();
     let finals = |table: &&&Table| table.name.starts_with("final-");
@@ -326,9 +342,11 @@ fn caveats(study: &Study, tables: &[&Table]) -> Vec<String> {
             ));
         }
     }
+    caveats.extend(clocks(study));
     caveats.extend(mixed_lanes(study));
     caveats.extend(disagreements(study));
-    if study.bias_sentence().is_some() {
+    caveats.extend(study.biased_references());
+    if study.is_denoised() {
         caveats.push(
             "Denoised series are biased: they lead while noise is the larger part of the error, \
              and other series may pass them with more time."

@@ -51,10 +51,10 @@ pub const EXPERIMENT: Table = Table {
             key: "order",
             ty: Ty::Word(&Order::NAMES),
             required: false,
-            default: "sequential",
-            doc: "order of cells: `sequential` is that of the axes, `shuffled` random by the seed, \
-                  `interleave` that of the axes with the techniques of one picture alternating \
-                  every half second, so that a slowdown of the machine affects all of them",
+            default: "interleave",
+            doc: "order of cells: `interleave` is that of the axes with the techniques of one picture \
+                  alternating every half second, so that a slowdown of the machine affects all of \
+                  them; `sequential` is that of the axes, `shuffled` random by the seed",
         },
         Field {
             key: "warmup",
@@ -219,7 +219,7 @@ fn declare(
         .and_then(Value::as_str)
         .and_then(Order::from_name);
     let mut builder = shared.builder.borrow_mut();
-    (builder.night.order, builder.night.warmup) = (order.unwrap_or_default(), warmup);
+    (builder.night.order, builder.night.warmup) = (order.unwrap_or(Order::Interleave), warmup);
     builder.head = Some(Head {
         name,
         seed: integer("seed").map_or(0, i64::unsigned_abs),

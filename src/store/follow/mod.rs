@@ -289,6 +289,7 @@ impl Follower {
             wave: results.waves,
             samples: results.samples,
             render_s: results.render_s,
+            lost_s: results.lost_s.unwrap_or(0.0),
             wall_s: results.wall_s,
             measure_s: results.measure_s,
             paths: results.paths,

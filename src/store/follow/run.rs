@@ -26,9 +26,9 @@ pub(super) struct FollowedRun {
     pub(super) running: bool,
     folder: PathBuf,
     metrics: Tail,
-    /// Position of every metric of the outline in the rows of the file; `None` until the header was
-    /// read.
-    columns: Option<Vec<Option<usize>>>,
+    /// Number of metrics in the file, and the position of every metric of the outline in its rows; `None`
+    /// until the header was read.
+    columns: Option<(usize, Vec<Option<usize>>)>,
     /// Samples per pixel of the newest image that was read; `u64::MAX` for the final one.
     image_samples: u64,
     /// Strategy images that are still to be read.
@@ -114,7 +114,7 @@ impl FollowedRun {
         if update.restarted {
             self.columns = None;
         }
-        let Some(columns) = &self.columns else {
+        let Some((count, columns)) = &self.columns else {
             // The header arrives with the first lines.
             let Ok((names, found)) = metrics_csv::parse(&update.text) else {
                 return Vec::new();
@@ -126,10 +126,10 @@ impl FollowedRun {
                 .into_iter()
                 .map(|row| reordered(row, &columns))
                 .collect();
-            self.columns = Some(columns);
+            self.columns = Some((names.len(), columns));
             return rows;
         };
-        let rows = metrics_csv::parse_more(&update.text);
+        let rows = metrics_csv::parse_more(&update.text, *count);
         rows.into_iter()
             .map(|row| reordered(row, columns))
             .collect()

@@ -67,6 +67,7 @@ pub fn read_night(folder: &Path, evidence: &Evidence) -> Result<NightResults, St
             .report
             .as_ref()
             .map_or_else(Presentation::default, presentation),
+        order: plan.night.order.clone(),
         machine: read_machine(&night, evidence),
         runs,
         references,
@@ -150,6 +151,10 @@ fn run_result(
         resolution: cell.resolution,
         device: results.map(device).filter(|device| !device.is_empty()),
         peer: devices.iter().find_map(|device| device.peer.clone()),
+        lost_share: results.and_then(|results| {
+            let lost_s = results.lost_s?;
+            Some(lost_s / (results.render_s + lost_s)).filter(|share| share.is_finite())
+        }),
         lanes: devices.iter().find_map(|device| device.features.lanes),
         accel: results.map(|results| (results.open.accel_build_s, results.open.accel_nodes)),
         accel_size: results.map(|results| (results.open.accel_bytes, results.open.accel_cost)),

@@ -192,6 +192,9 @@ records! {
         pub samples: u64,
         /// Seconds inside the renderer.
         pub render_s: f64,
+        /// Seconds that other work took from the renderer; not in `render_s`.
+        #[serde(default)]
+        pub lost_s: f64,
         /// Wall-clock seconds, measuring included.
         pub wall_s: f64,
         /// Seconds spent measuring.
@@ -282,6 +285,7 @@ impl WaveRecord {
             wave: row.wave,
             samples: row.samples,
             render_s: row.render_s,
+            lost_s: row.lost_s,
             wall_s: row.wall_s,
             measure_s: row.measure_s,
             paths: row.paths,
@@ -298,6 +302,7 @@ impl WaveRecord {
             wave: self.wave,
             samples: self.samples,
             render_s: self.render_s,
+            lost_s: self.lost_s,
             wall_s: self.wall_s,
             measure_s: self.measure_s,
             paths: self.paths,

@@ -227,6 +227,10 @@ records! {
         pub samples: u64,
         /// Seconds inside the renderer.
         pub render_s: f64,
+        /// Seconds that other work on the machine took from the renderer, or during which the process was
+        /// stopped; not in `render_s`. Absent where that is not watched.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub lost_s: Option<f64>,
         /// Wall-clock seconds, measuring included.
         pub wall_s: f64,
         /// Seconds spent measuring.
@@ -324,6 +328,9 @@ records! {
         pub samples: u64,
         /// Seconds inside the renderer.
         pub render_s: f64,
+        /// Seconds that other work took from the renderer.
+        #[serde(default)]
+        pub lost_s: f64,
         /// Seconds that a device other than the CPU was busy.
         pub device_s: f64,
         /// Number of camera paths.

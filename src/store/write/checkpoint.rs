@@ -207,6 +207,7 @@ fn head(run: &str, sequence: u64, progress: &RunProgress) -> CheckpointHead {
         current_wave: WaveCounts {
             samples: wave.samples,
             render_s: wave.render_s,
+            lost_s: wave.lost_s,
             device_s: wave.device_s,
             paths: wave.paths,
             rays: wave.rays,
@@ -262,6 +263,7 @@ fn progress(head: &CheckpointHead) -> Option<RunProgress> {
         current_wave: WaveStats {
             samples: wave.samples,
             render_s: wave.render_s,
+            lost_s: wave.lost_s,
             device_s: wave.device_s,
             paths: wave.paths,
             rays: wave.rays,

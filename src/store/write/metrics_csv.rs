@@ -13,6 +13,10 @@ use crate::text::{csv_field, csv_fields};
 /// Name of the file in a run's folder.
 pub const FILE: &str = "metrics.csv";
 
+/// Number of columns before the metrics in files of versions that did not have the last of
+/// [`MEASUREMENT`].
+const WITHOUT_LOST: usize = MEASUREMENT.len() - 1;
+
 /// Formats the header line, with its newline.
 pub fn header<'a>(metrics: impl IntoIterator<Item = &'a str>) -> String {
     let mut line = names(&MEASUREMENT).join(",");
@@ -28,7 +32,7 @@ pub fn header<'a>(metrics: impl IntoIterator<Item = &'a str>) -> String {
 /// Formats a row as a line, with its newline.
 pub fn line(row: &WaveRow) -> String {
     let mut line = format!(
-        "{},{},{:?},{:?},{:?},{},{},{}",
+        "{},{},{:?},{:?},{:?},{},{},{},{:?}",
         row.wave,
         row.samples,
         row.render_s,
@@ -36,7 +40,8 @@ pub fn line(row: &WaveRow) -> String {
         row.measure_s,
         row.paths,
         row.rays,
-        row.invalid
+        row.invalid,
+        row.lost_s
     );
     for value in &row.metrics {
         // Writing to a String cannot fail.
@@ -55,32 +60,42 @@ pub fn parse(text: &str) -> Result<(Vec<String>, Vec<WaveRow>), String> {
     let complete = &text[..text.rfind('\n').map_or(0, |end| end + 1)];
     let mut lines = complete.lines();
     let columns = csv_fields(lines.next().ok_or("the file is empty")?);
-    let fixed = names(&MEASUREMENT);
-    if !columns.starts_with(&fixed) {
-        return Err(format!(
-            "line 1: expected a header that starts with {}",
-            fixed.join(",")
-        ));
-    }
+    let all = names(&MEASUREMENT);
+    let fixed = match () {
+        () if columns.starts_with(&all) => all.len(),
+        () if columns.starts_with(&all[..WITHOUT_LOST]) => WITHOUT_LOST,
+        () => {
+            return Err(format!(
+                "line 1: expected a header that starts with {}",
+                all.join(",")
+            ));
+        }
+    };
+    let metrics = &columns[fixed..];
     let rows = lines.enumerate().map(|(i, line)| {
-        parse_row(line, columns.len()).map_err(|problem| format!("line {}: {problem}", i + 2))
+        parse_row(line, metrics.len()).map_err(|problem| format!("line {}: {problem}", i + 2))
     });
     let rows = rows.collect::<Result<_, _>>()?;
-    Ok((columns[fixed.len()..].to_vec(), rows))
+    Ok((metrics.to_vec(), rows))
 }
 
-/// Parses further lines of a file whose header was read before. Skips lines that are no rows.
-pub fn parse_more(text: &str) -> Vec<WaveRow> {
+/// Parses further lines of a file whose header was read before, with this number of metrics. Skips lines
+/// that are no rows.
+pub fn parse_more(text: &str, metrics: usize) -> Vec<WaveRow> {
     text.lines()
-        .filter_map(|line| parse_row(line, line.split(',').count()).ok())
+        .filter_map(|line| parse_row(line, metrics).ok())
         .collect()
 }
 
-fn parse_row(line: &str, width: usize) -> Result<WaveRow, String> {
+/// Parses a line with this number of metrics, with or without the last column of [`MEASUREMENT`].
+fn parse_row(line: &str, metrics: usize) -> Result<WaveRow, String> {
     let cells: Vec<&str> = line.split(',').collect();
-    if cells.len() != width {
+    let has_lost = cells.len() == MEASUREMENT.len() + metrics;
+    if !has_lost && cells.len() != WITHOUT_LOST + metrics {
+        let width = MEASUREMENT.len() + metrics;
         return Err(format!("expected {width} values, found {}", cells.len()));
     }
+    let fixed = cells.len() - metrics;
     let count = |i: usize| {
         cells[i].parse::<u64>().map_err(|_| {
             format!(
@@ -89,12 +104,6 @@ fn parse_row(line: &str, width: usize) -> Result<WaveRow, String> {
             )
         })
     };
-    if width < MEASUREMENT.len() {
-        return Err(format!(
-            "expected at least {} values, found {width}",
-            MEASUREMENT.len()
-        ));
-    }
     let number = |i: usize| {
         cells[i]
             .parse::<f64>()
@@ -110,9 +119,8 @@ fn parse_row(line: &str, width: usize) -> Result<WaveRow, String> {
         rays: count(6)?,
         invalid: count(7)?,
         first_invalid: None,
-        metrics: (MEASUREMENT.len()..width)
-            .map(number)
-            .collect::<Result<_, _>>()?,
+        lost_s: if has_lost { number(WITHOUT_LOST)? } else { 0.0 },
+        metrics: (fixed..cells.len()).map(number).collect::<Result<_, _>>()?,
     })
 }
 
@@ -131,8 +139,19 @@ mod tests {
             rays: 7,
             invalid: 0,
             first_invalid: None,
+            lost_s: 0.125 * wave as f64,
             metrics: metrics.to_vec(),
         }
+    }
+
+    #[test]
+    fn files_without_lost_time_are_read() {
+        let text = "wave,samples,render_s,wall_s,measure_s,paths,rays,invalid,rmse\n1,2,0.5,1,0.25,3,4,0,0.125\n";
+        let (columns, rows) = parse(text).unwrap();
+        assert_eq!(columns, ["rmse"]);
+        assert_eq!((rows[0].lost_s, &*rows[0].metrics), (0.0, &[0.125][..]));
+        let line = text.lines().nth(1).unwrap();
+        assert_eq!(parse_more(line, 1), rows);
     }
 
     #[test]
@@ -165,8 +184,8 @@ mod tests {
     #[test]
     fn further_lines_need_no_header() {
         let (first, second) = (sample_row(1, &[0.5]), sample_row(2, &[0.25]));
-        let text = line(&first) + "torn,1\nx,1,2,3,4,5,6,7\n" + &line(&second);
-        assert_eq!(parse_more(&text), [first, second]);
+        let text = line(&first) + "torn,1\nx,1,2,3,4,5,6,7,8\n" + &line(&second);
+        assert_eq!(parse_more(&text, 1), [first, second]);
     }
 
     #[test]
@@ -175,10 +194,10 @@ mod tests {
         assert!(
             parse(&(good.clone() + "1,2,3\n"))
                 .unwrap_err()
-                .starts_with("line 3: expected 9 values")
+                .starts_with("line 3: expected 10 values")
         );
         assert!(
-            parse(&(good + "x,2,0.1,0.2,0.1,3,4,5,6\n"))
+            parse(&(good + "x,2,0.1,0.2,0.1,3,4,5,0,6\n"))
                 .unwrap_err()
                 .contains("`x` in column wave is not a count")
         );

@@ -199,6 +199,7 @@ pub fn row(k: u32) -> WaveRow {
         wave: u64::from(k) + 1,
         samples,
         render_s,
+        lost_s: 0.0,
         wall_s: render_s * 1.05 + 0.1,
         measure_s: render_s * 0.02,
         paths,

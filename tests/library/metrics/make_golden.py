@@ -145,7 +145,7 @@ def patches(seed, noise):
     for weight, side in [(0.5, 31), (0.35, 7), (0.15, 2)]:
         value += np.float32(weight) * unit(pcg4d(x // side, y // side, c, side)[0])
     value += np.float32(noise) * (unit(pcg4d(x, y, c, seed)[1]) - np.float32(0.5))
-    return np.rint(np.float32(255.0) * np.clip(value, 0.0, 1.0)).astype(np.uint8)
+    return np.floor(np.float32(255.0) * np.clip(value, 0.0, 1.0) + np.float32(0.5)).astype(np.uint8)
 
 
 def flips_of_patches():

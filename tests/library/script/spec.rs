@@ -235,10 +235,10 @@ fn the_first_script_of_the_readme_loads() {
             .iter()
             .map(|a| a.steps.len())
             .product::<usize>(),
-        4
+        3
     );
     assert_eq!(script.spec.figures.len(), 1);
-    assert!(script.spec.tables.len() >= 2);
+    assert_eq!(script.spec.tables.len(), 1);
 }
 
 #[test]

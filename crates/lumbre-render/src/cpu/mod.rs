@@ -5,12 +5,13 @@
 //! vectorisation.
 //!
 //! [`bvh`] builds and traverses hierarchies, [`prepared_scene`] is what jobs on one scene share,
-//! [`kept_scenes`] holds it between the runs of a night, [`renderer`] loops over pixels and samples of a `prepared` job, [`films`]
+//! `clock` measures render time, [`kept_scenes`] holds it between the runs of a night, [`renderer`] loops over pixels and samples of a `prepared` job, [`films`]
 //! sums the samples, `wavefront` holds the SIMD path tracers, `path_trace` records the events of
 //! single samples, [`guiding_tree`] shows what guides them, and [`rates`] measures the ray rates that
 //! `lumbre bench` prints.
 
 pub mod bvh;
+mod clock;
 pub mod films;
 pub mod guiding_tree;
 pub mod kept_scenes;

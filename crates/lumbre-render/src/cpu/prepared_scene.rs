@@ -8,6 +8,7 @@ use glam::Vec3;
 
 use super::bvh::accel::Accel;
 use super::bvh::simd::Isa;
+use super::clock::RenderClock;
 use super::path_trace;
 use super::prepared::PreparedJob;
 use super::renderer::CpuRenderer;
@@ -25,6 +26,7 @@ use lumbre_light::transport::ray::{Hit, Ray};
 pub struct PreparedScene {
     pub(super) accel: Arc<Accel>,
     pub(super) pool: Arc<rayon::ThreadPool>,
+    pub(super) clock: Arc<RenderClock>,
     pub(super) classes: Arc<SurfaceClasses>,
     /// Lights for the selection that was used last.
     lights: Mutex<Option<(LightSelection, Arc<Lights>)>>,
@@ -68,6 +70,7 @@ impl PreparedScene {
         Ok(PreparedScene {
             classes: Arc::new(SurfaceClasses::new(&accel.scene)),
             accel: Arc::new(accel),
+            clock: Arc::new(RenderClock::new(&pool)),
             pool: Arc::new(pool),
             lights: Mutex::default(),
         })

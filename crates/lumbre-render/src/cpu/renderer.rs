@@ -10,13 +10,13 @@
 use std::io::{self, Write};
 use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
-use std::time::Instant;
 
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::bvh::accel::Accel;
 use super::bvh::simd::Isa;
+use super::clock::{RenderClock, WaveTime};
 use super::films::bin_pool;
 use super::films::layers::{LayerFilms, LayerRowFilm, LayerSpec, Moments};
 use super::films::row_film::{RowFilm, RowStats, SplatTarget};
@@ -43,6 +43,7 @@ use lumbre_light::transport::integrator::iteration::recorded::RecordedSamples;
 pub struct CpuRenderer {
     prepared: PreparedJob,
     pool: Arc<rayon::ThreadPool>,
+    clock: Arc<RenderClock>,
     /// Sums of the samples' contributions to their own pixels. With a time axis `sum` is unused,
     /// since the sums are in the slots of `times`.
     own: Film,
@@ -110,6 +111,7 @@ impl CpuRenderer {
             accel_cost: accel.cost(),
             scene: accel.scene.memory(),
             devices: vec![device(accel, pool.current_num_threads(), lanes)],
+            watches_processor: scene.clock.watches_processor(),
             ..OpenStats::default()
         };
         Ok(CpuRenderer {
@@ -122,6 +124,7 @@ impl CpuRenderer {
             shared_writes: 0,
             prepared,
             pool,
+            clock: Arc::clone(&scene.clock),
             open_stats,
         })
     }
@@ -222,7 +225,7 @@ impl CpuRenderer {
 
     /// Adds samples to every pixel, or to some if `abandoned` returns true before the end.
     fn wave(&mut self, samples: u64, abandoned: Abandoned) -> WaveStats {
-        let start = Instant::now();
+        let start = self.clock.start();
         self.film_of_slots = OnceLock::new();
         let first = self.prepared.job.first_sample + self.own.samples;
         let range = first..first + samples;
@@ -232,9 +235,11 @@ impl CpuRenderer {
             self.render_samples(range, None, abandoned)
         };
         self.combine_splats();
+        let WaveTime { render_s, lost_s } = self.clock.stop(&start);
         WaveStats {
             samples,
-            render_s: start.elapsed().as_secs_f64(),
+            render_s,
+            lost_s,
             paths: samples * self.own.sum.len() as u64,
             rays: stats.rays,
             invalid: stats.invalid,

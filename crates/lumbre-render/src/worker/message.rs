@@ -31,6 +31,8 @@ pub enum Request {
     Restore(u64, Vec<u8>),
     /// Ends a run; there is no reply.
     Close(u64),
+    /// Opens the device that runs will be rendered on.
+    Device,
 }
 
 /// Reply of a worker.
@@ -54,6 +56,8 @@ pub enum Reply {
     Restored(Film),
     /// The state could not be written.
     SaveFailed(String),
+    /// The device was opened, or why it cannot be; `None` too if there is no device.
+    Device(Option<String>),
     /// The request failed.
     Failed(RenderError),
     /// Heartbeat, sent every [`HEARTBEAT`](super::process::HEARTBEAT); not a reply.

@@ -24,7 +24,7 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 pub use process::{HEARTBEAT, HEARTBEAT_TIMEOUT, Launcher, WorkerProcess};
-pub use serve::serve;
+pub use serve::{WorkerCalls, serve};
 
 use self::message::{Reply, Request};
 use self::shared::SharedFilm;
@@ -45,6 +45,10 @@ pub struct WorkerPool {
 }
 
 static POOL: OnceLock<WorkerPool> = OnceLock::new();
+
+/// Time within which the loader and the drivers must have opened a device. Drivers that must wake
+/// hardware take seconds.
+const DEVICE_TIMEOUT: Duration = Duration::from_secs(60);
 
 const PROTOCOL_ERROR: &str = "protocol error: the reply does not match the request";
 
@@ -84,6 +88,21 @@ impl WorkerPool {
         let process = Arc::new(Mutex::new(WorkerProcess::start(&self.launcher)?));
         *current = Some(Arc::clone(&process));
         Ok(process)
+    }
+
+    /// Opens the device that runs will be rendered on, in the worker, which a damaged loader or driver
+    /// may crash. Returns why the device cannot be opened, or `None` if it was or there is none.
+    ///
+    /// # Errors
+    /// Returns an error if the worker dies or does not answer.
+    pub fn device(&self) -> Result<Option<String>, String> {
+        let process = self.worker()?;
+        let reply = lock(&process).request(&Request::Device, Some(DEVICE_TIMEOUT))?;
+        match reply {
+            Reply::Device(refused) => Ok(refused),
+            Reply::Failed(error) => Err(error.to_string()),
+            _ => Err(lock(&process).end(PROTOCOL_ERROR)),
+        }
     }
 
     /// Opens a run of a backend in the worker.

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 use super::frame;
 use super::message::{Reply, Request};
 use super::shared;
+use crate::backend_choice;
 
 /// Program and arguments that start a worker.
 #[derive(Clone, Debug)]
@@ -89,6 +90,10 @@ impl WorkerProcess {
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped());
+        // The device that the command line selected is known to this process alone.
+        if let Some(device) = backend_choice::device() {
+            command.env(backend_choice::DEVICE_VARIABLE, device);
+        }
         // In a process group of its own, it does not receive Ctrl-C from the terminal: this process
         // handles it by ending the wave and saving.
         #[cfg(unix)]

@@ -20,9 +20,19 @@ use lumbre_light::scene::CompiledScene;
 pub type Open<'a> =
     &'a dyn Fn(&str, Arc<CompiledScene>, Job) -> Result<Box<dyn Renderer>, RenderError>;
 
+/// Functions of the program that a worker calls.
+#[derive(Clone, Copy)]
+pub struct WorkerCalls<'a> {
+    /// Opens a run of a backend.
+    pub open: Open<'a>,
+    /// Opens the device that runs will be rendered on. Returns why it cannot be opened, or `None` if
+    /// it was or there is none.
+    pub device: &'a dyn Fn() -> Option<String>,
+}
+
 /// State of a worker: the cached scene and the open runs.
 struct WorkerSession<'a> {
-    open: Open<'a>,
+    calls: WorkerCalls<'a>,
     scene: Option<Arc<CompiledScene>>,
     runs: BTreeMap<u64, Run>,
 }
@@ -38,7 +48,11 @@ struct Run {
 ///
 /// # Errors
 /// Returns an error if a pipe fails or delivers a corrupt message, or no thread can be started.
-pub fn serve(requests: impl Read, replies: impl Write + Send, open: Open<'_>) -> io::Result<()> {
+pub fn serve(
+    requests: impl Read,
+    replies: impl Write + Send,
+    calls: WorkerCalls<'_>,
+) -> io::Result<()> {
     let replies = Mutex::new(replies);
     let reply_with = |reply: &Reply| {
         let message = reply.encode();
@@ -62,7 +76,7 @@ pub fn serve(requests: impl Read, replies: impl Write + Send, open: Open<'_>) ->
         thread::Builder::new()
             .name("worker-beats".to_owned())
             .spawn_scoped(scope, beats)?;
-        answer(requests, reply_with, open)
+        answer(requests, reply_with, calls)
     })
 }
 
@@ -70,11 +84,11 @@ pub fn serve(requests: impl Read, replies: impl Write + Send, open: Open<'_>) ->
 fn answer(
     mut requests: impl Read,
     reply_with: &dyn Fn(&Reply) -> io::Result<()>,
-    open: Open<'_>,
+    calls: WorkerCalls<'_>,
 ) -> io::Result<()> {
     reply_with(&Reply::Ready(super::VERSION.to_owned()))?;
     let mut session = WorkerSession {
-        open,
+        calls,
         scene: None,
         runs: BTreeMap::new(),
     };
@@ -131,13 +145,14 @@ impl WorkerSession<'_> {
                 self.scene = Some(scene);
                 return Ok(None);
             }
+            Request::Device => Reply::Device((self.calls.device)()),
             Request::Open(run, backend, job, film) => {
                 let none = || RenderError::Failed {
                     backend: "worker",
                     reason: "no scene was sent to this worker".to_owned(),
                 };
                 let scene = self.scene.clone().ok_or_else(none)?;
-                let renderer = (self.open)(&backend, scene, *job)?;
+                let renderer = (self.calls.open)(&backend, scene, *job)?;
                 let stats = renderer.open_stats().clone();
                 // If the shared memory cannot be opened, the film goes through the pipe.
                 let film = film.and_then(|name| SharedFilm::open(&name).ok());

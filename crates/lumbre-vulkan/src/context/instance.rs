@@ -7,6 +7,7 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 use ash::{ext, vk};
 
 use crate::error::VulkanError;
+use lumbre_render::worker::{self, WorkerPool};
 
 const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
 
@@ -31,9 +32,24 @@ pub struct Instance {
     pub validated: bool,
 }
 
-/// Message if the loader cannot create an instance.
-const NO_DRIVER: &str = "the Vulkan loader finds no driver; install the driver of the graphics \
-                         card, or a software driver (Mesa's lavapipe)";
+/// Variables of the environment that name files of drivers, instead of those in the system's folders.
+const DRIVER_VARIABLES: [&str; 2] = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"];
+
+/// Returns the message if the loader cannot create an instance.
+fn no_driver() -> String {
+    let named = DRIVER_VARIABLES
+        .iter()
+        .find_map(|name| Some((name, std::env::var(name).ok()?)));
+    match named {
+        Some((name, files)) => format!(
+            "the Vulkan loader finds no driver that works in `{files}`, which {name} names; name \
+             another file, or unset the variable"
+        ),
+        None => "the Vulkan loader finds no driver that works; install the driver of the graphics \
+                 card, or a software driver (Mesa's lavapipe)"
+            .to_owned(),
+    }
+}
 
 /// Enables the validation layer for the instance that its first use creates; must be called before.
 /// Used by tests.
@@ -52,10 +68,21 @@ pub fn validation_messages() -> Vec<String> {
 /// Returns the instance of this process, created by the first call. It is never destroyed, and
 /// neither is the library unloaded, since drivers tend to crash when unloaded.
 ///
+/// In a process that renders in workers, a worker opens the device first: a damaged loader or driver,
+/// which may crash or hang, then ends the worker and not this process.
+///
 /// # Errors
-/// Returns an error if there is no loader, or it cannot create an instance.
+/// Returns an error if there is no loader, it cannot create an instance, or a worker cannot open the
+/// device.
 pub fn shared() -> Result<&'static Instance, VulkanError> {
-    SHARED.get_or_init(create).as_ref().map_err(Clone::clone)
+    let instance =
+        SHARED.get_or_init(
+            || match worker::pool().map_or(Ok(None), WorkerPool::device) {
+                Ok(None) => create(),
+                Ok(Some(reason)) | Err(reason) => Err(VulkanError::Broken(reason)),
+            },
+        );
+    instance.as_ref().map_err(Clone::clone)
 }
 
 fn create() -> Result<Instance, VulkanError> {
@@ -99,7 +126,7 @@ fn create() -> Result<Instance, VulkanError> {
     }
     // SAFETY: everything the structure points to lives until the call returns.
     let raw = unsafe { entry.create_instance(&info, None) }.map_err(|result| match result {
-        vk::Result::ERROR_INCOMPATIBLE_DRIVER => VulkanError::NoDevice(NO_DRIVER.to_owned()),
+        vk::Result::ERROR_INCOMPATIBLE_DRIVER => VulkanError::NoDevice(no_driver()),
         other => call("vkCreateInstance")(other),
     })?;
     if validated {

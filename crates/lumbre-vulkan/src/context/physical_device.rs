@@ -8,12 +8,9 @@ use super::instance;
 use super::instance::Instance;
 use super::limits::{self, Limits};
 use crate::error::VulkanError;
+use lumbre_render::DeviceKind;
+use lumbre_render::backend_choice::{self, DEVICE_VARIABLE};
 use lumbre_render::device::VENDOR_NVIDIA;
-use lumbre_render::{DeviceKind, backend_choice};
-
-/// Environment variable that selects a device by its index or a part of its name, as listed by
-/// `lumbre doctor`.
-pub const DEVICE_VARIABLE: &str = "LUMBRE_DEVICE";
 
 /// Capabilities of a device that the backends use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -377,7 +374,7 @@ fn capabilities(
 /// Returns an error if there is no loader, no device, or none that matches the selection.
 pub fn choose() -> Result<DeviceInfo, VulkanError> {
     let devices = list()?;
-    if let Some(wanted) = backend_choice::device(DEVICE_VARIABLE) {
+    if let Some(wanted) = backend_choice::device() {
         return find(&devices, &wanted).cloned();
     }
     let first = devices

@@ -116,6 +116,7 @@ impl Recorder<'_> {
             reason: reason.to_owned(),
             samples,
             render_s: last.render_s,
+            lost_s: run.open.watches_processor.then_some(last.lost_s),
             wall_s: last.wall_s,
             measure_s: last.measure_s,
             waves: last.wave,

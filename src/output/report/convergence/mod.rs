@@ -178,7 +178,7 @@ fn caption(study: &Study, spec: &MetricSpec, panels: &[Panel], x: FigureX) -> St
     if x.row().is_clock {
         sentences.extend(study.device_sentence("Measured"));
     }
-    sentences.extend(study.bias_sentence().map(str::to_owned));
+    sentences.extend(study.bias_sentences());
     let mut names: Vec<String> = study
         .series
         .iter()

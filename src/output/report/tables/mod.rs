@@ -58,7 +58,7 @@ pub fn all(
         tables.push(errors::time_to(study, metric, threshold));
     }
     tables.extend(rates::acceleration_structures(study));
-    if let Some(sentence) = study.bias_sentence() {
+    for sentence in study.bias_sentences() {
         for table in &mut tables {
             table.caption += &format!(" {sentence}");
         }
