@@ -18,7 +18,7 @@
 -- its random numbers are derived. Each technique renders the picture five times, with other random numbers,
 -- because a single picture is luck. The techniques take turns of half a second, so that a machine that
 -- slows down slows all of them.
-local x = experiment("first_light", { seed = 1, repeats = 5, order = "interleave" })
+local x = experiment("first_light", { seed = 1, repeats = 5 })
 
 -- An axis is a parameter with its values. Every combination of values is one cell of the plan, here
 -- three:

@@ -18,7 +18,7 @@
 --   leaves    leaves cut out by alpha masks
 --   lamps     lamps that hide their light
 
-local x = experiment("techniques", { seed = 32, repeats = 16, order = "interleave" })
+local x = experiment("techniques", { seed = 32, repeats = 16 })
 
 -- Scene, view and options, and the technique of its reference.
 local stages = {

@@ -236,7 +236,11 @@ pub const DATA_COLUMNS: [Column; 3] = [
 pub const FIGURE: [Column; 6] = [
     column("metric", "", "metric or value that is drawn"),
     column("x", "of the horizontal axis", "place of the point"),
-    column("mean", "of the metric", "mean over the repeats, as drawn"),
+    column(
+        "mean",
+        "of the metric",
+        "mean over the repeats; where the distance from the best value is drawn, as of SSIM, the best value without the mean distance",
+    ),
     column(
         "low",
         "of the metric",

@@ -11,7 +11,7 @@ const PROGRAM: &str = concat!("lumbre ", env!("CARGO_PKG_VERSION"));
 static WITH_COMMIT: OnceLock<String> = OnceLock::new();
 
 /// Returns name and version of this program as files state them, with the commit that it was built
-/// from if the binary states one: `lumbre 0.1.0 (commit 1234567890ab, files changed)`.
+/// from if the binary states one: `lumbre 0.1.0 (commit 1234567890ab with changes)`.
 pub fn program() -> &'static str {
     WITH_COMMIT.get().map_or(PROGRAM, String::as_str)
 }
@@ -20,6 +20,14 @@ pub fn program() -> &'static str {
 pub fn set_commit(commit: &str) {
     // The first call wins.
     let _ = WITH_COMMIT.set(format!("{PROGRAM} (commit {commit})"));
+}
+
+/// Returns the arguments of this process, for records; what is not valid UTF-8 in them is replaced.
+pub fn arguments() -> Vec<String> {
+    let arguments = std::env::args_os().skip(1);
+    arguments
+        .map(|argument| argument.to_string_lossy().into_owned())
+        .collect()
 }
 
 /// Formats a count with its noun: `1 cell`, `3 cells`.
@@ -95,8 +103,12 @@ pub fn describe_io(error: &std::io::Error) -> String {
     }
 }
 
-/// Formats one CSV field, quoted if necessary [RFC 4180].
+/// Formats one CSV field, quoted if necessary [RFC 4180]. Spreadsheets take text that begins like a formula
+/// for one, so an apostrophe goes before it, unless it is a number.
 pub fn csv_field(text: &str) -> String {
+    if text.starts_with(FORMULA) && text.parse::<f64>().is_err() {
+        return csv_field(&format!("'{text}"));
+    }
     if text.contains(['"', ',', '\n', '\r']) || text.trim() != text {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {
@@ -104,13 +116,16 @@ pub fn csv_field(text: &str) -> String {
     }
 }
 
+/// Characters with which formulas of spreadsheets begin.
+const FORMULA: [char; 6] = ['=', '+', '-', '@', '\t', '\r'];
+
 /// Formats one CSV line, including its line feed.
 pub fn csv_line<S: AsRef<str>>(fields: &[S]) -> String {
     let fields: Vec<String> = fields.iter().map(|f| csv_field(f.as_ref())).collect();
     fields.join(",") + "\n"
 }
 
-/// Splits a CSV line into its fields, without their quotes.
+/// Splits a CSV line into its fields, without their quotes and what [`csv_field`] adds.
 pub fn csv_fields(line: &str) -> Vec<String> {
     let mut fields = vec![String::new()];
     let mut quoted = false;
@@ -125,6 +140,14 @@ pub fn csv_fields(line: &str) -> Vec<String> {
             '"' => quoted = !quoted,
             ',' if !quoted => fields.push(String::new()),
             _ => fields[last].push(c),
+        }
+    }
+    for field in &mut fields {
+        if field
+            .strip_prefix('\'')
+            .is_some_and(|rest| rest.starts_with(FORMULA))
+        {
+            field.remove(0);
         }
     }
     fields
@@ -147,6 +170,10 @@ mod tests {
         let fields = ["plain", "a, b", "say \"hi\"", " ", ""];
         let line = csv_line(&fields);
         assert_eq!(line, "plain,\"a, b\",\"say \"\"hi\"\"\",\" \",\n");
+        assert_eq!(csv_fields(line.trim_end_matches('\n')), fields);
+        let fields = ["=1+1", "-2.5", "+inf", "-a, b", "@x", "'plain"];
+        let line = csv_line(&fields);
+        assert_eq!(line, "'=1+1,-2.5,+inf,\"'-a, b\",'@x,'plain\n");
         assert_eq!(csv_fields(line.trim_end_matches('\n')), fields);
     }
 

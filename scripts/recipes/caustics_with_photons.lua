@@ -1,6 +1,6 @@
 -- scripts/recipes/caustics_with_photons.lua: photon mapping and path tracing, alone and together, the same time for each.
 
-local x = experiment("caustics_with_photons", { seed = 21, repeats = 3, order = "interleave" })
+local x = experiment("caustics_with_photons", { seed = 21, repeats = 3 })
 
 x:axis("technique", { "nee", "bdpt", "sppm", "vcm" })
 x:axis("size", { 96 })

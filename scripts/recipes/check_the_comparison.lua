@@ -1,6 +1,6 @@
 -- scripts/recipes/check_the_comparison.lua: how large is a difference that means nothing?
 
-local x = experiment("check_the_comparison", { seed = 5, repeats = 4, order = "interleave" })
+local x = experiment("check_the_comparison", { seed = 5, repeats = 4 })
 
 x:axis("technique", { "nee", "bdpt" })
 x:axis("size", { 64 })

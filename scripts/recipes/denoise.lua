@@ -1,6 +1,6 @@
 -- scripts/recipes/denoise.lua: a picture as it is, filtered, and by a neural denoiser, the same time for each.
 
-local x = experiment("denoise", { seed = 24, repeats = 3, order = "interleave" })
+local x = experiment("denoise", { seed = 24, repeats = 3 })
 
 x:axis("denoise", { "none", "atrous", "oidn" })
 x:axis("size", { 128 })

@@ -1,6 +1,6 @@
 -- scripts/recipes/equal_time.lua: three techniques, the same render time for each.
 
-local x = experiment("equal_time", { seed = 2, repeats = 3, order = "interleave" })
+local x = experiment("equal_time", { seed = 2, repeats = 3 })
 
 x:axis("technique", { "bpt", "nee", "bdpt" })
 x:axis("size", { 96 })

@@ -1,6 +1,6 @@
 -- scripts/recipes/guided_paths.lua: path tracing with and without guiding in a room lit through a door ajar.
 
-local x = experiment("guided_paths", { seed = 31, repeats = 3, order = "interleave" })
+local x = experiment("guided_paths", { seed = 31, repeats = 3 })
 
 x:axis("technique", { "nee", "guided", "bdpt" })
 x:axis("size", { 128 })

@@ -1,6 +1,6 @@
 -- scripts/recipes/light_through_paper.lua: three techniques on a lamp whose light comes through its shade.
 
-local x = experiment("light_through_paper", { seed = 12, repeats = 3, order = "interleave" })
+local x = experiment("light_through_paper", { seed = 12, repeats = 3 })
 
 x:axis("technique", { "nee", "bdpt", "guided" })
 x:axis("transmittance", { 0.1, 0.6 })

@@ -1,6 +1,6 @@
 -- scripts/recipes/modified_shaders.lua: a technique by the shaders of the program, and by those of a folder.
 
-local x = experiment("modified_shaders", { seed = 35, repeats = 3, order = "interleave" })
+local x = experiment("modified_shaders", { seed = 35, repeats = 3 })
 
 -- Names of folders, as in `shaders=built-in,my_shaders` on the command line.
 x:axis("shaders", { "built-in" })

@@ -1,6 +1,6 @@
 -- scripts/recipes/other_renderers.lua: Mitsuba, LuxCore and Cycles beside the techniques of Lumbre, at equal time.
 
-local x = experiment("other_renderers", { seed = 22, repeats = 3, order = "interleave" })
+local x = experiment("other_renderers", { seed = 22, repeats = 3 })
 
 -- Bridges in Python: servers that read the exported scene.
 local function bridge(name, package, words, version)

@@ -29,6 +29,7 @@ use clap::FromArgMatches;
 
 pub use about::reference::reference;
 
+use crate::experiment::memory;
 use args::{BenchArgs, Cli, Global, Verb};
 use exit::{Exit, Failure, print_result, print_status};
 use lumbre_light::scene::load::files;
@@ -117,6 +118,9 @@ fn dispatch(cli: &Cli) -> Result<Exit, Failure> {
     let global = &cli.global;
     if let Verb::Worker = cli.verb {
         return worker::main();
+    }
+    if let Some(shortage) = memory::address_space_shortage() {
+        return Err(Failure::usage(shortage));
     }
     if let Some(folder) = &global.confine {
         files::confine(folder)

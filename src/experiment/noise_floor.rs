@@ -25,13 +25,15 @@ pub struct HalfImages {
 const ROUNDING: f32 = 1e-5;
 
 impl HalfImages {
-    /// Returns the share of pixels without noise: background of one colour, and black.
-    pub fn share_without_noise(&self) -> f64 {
+    /// Returns the shares of pixels without noise: black ones, which are background or which no path has
+    /// lit, and others, which are background of one colour.
+    pub fn shares_without_noise(&self) -> [f64; 2] {
         let [a, b] = &self.means;
         let is_equal = |(a, b): (&f32, &f32)| (a - b).abs() <= ROUNDING * a.abs().max(b.abs());
         let pixels = a.data.iter().zip(&b.data);
         let equal = pixels.filter(|(a, b)| a.iter().zip(*b).all(is_equal));
-        equal.count() as f64 / a.data.len().max(1) as f64
+        let (black, coloured): (Vec<_>, Vec<_>) = equal.partition(|(a, _)| **a == [0.0; 3]);
+        [black, coloured].map(|some| some.len() as f64 / a.data.len().max(1) as f64)
     }
 }
 
@@ -97,6 +99,6 @@ mod tests {
             means: [half(0.0), half(0.5)],
             samples: [8, 9],
         };
-        assert!((halves.share_without_noise() - 0.75).abs() < 1e-12);
+        assert_eq!(halves.shares_without_noise(), [0.25, 0.5]);
     }
 }

@@ -1,4 +1,4 @@
-//! What is known about the clock of runs that are compared by render time.
+//! Caveats on the clock of runs that are compared by render time.
 
 use std::collections::BTreeMap;
 

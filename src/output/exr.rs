@@ -134,7 +134,7 @@ fn sort_attributes(bytes: &mut [u8]) -> Option<()> {
 ///
 /// # Errors
 /// Returns an error if the file is not an EXR with RGB channels, is damaged, or has more than 2^28
-/// pixels, or more than 2^20 and 2048 for each byte of the file.
+/// pixels, or more than 2^23 and 24 for each byte of the file.
 pub fn decode(bytes: &[u8]) -> Result<(Image, Vec<(String, String)>), OutputError> {
     let (image, texts) = openexr::decode(bytes, max_pixels(bytes.len()))
         .map_err(|reason| OutputError::ExrRead { reason })?;

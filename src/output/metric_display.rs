@@ -52,6 +52,15 @@ impl MetricDisplay {
         self.complement.map_or(drawn, |best| best - drawn)
     }
 
+    /// Converts the ends of an interval of drawn values back to values of the metric, the lower one
+    /// first.
+    pub fn metric_ends(self, (low, high): (f64, f64)) -> (f64, f64) {
+        match self.complement {
+            Some(best) => (best - high, best - low),
+            None => (low, high),
+        }
+    }
+
     /// Returns the label of the drawn value, such as `RMSE`, `1 − SSIM` or `|bias|`.
     pub fn label(self, metric: &MetricSpec) -> String {
         let has_own_column = metric.column != metric.row.name;

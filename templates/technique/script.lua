@@ -3,7 +3,7 @@
 --     cargo run --release -- run own_technique.lua      renders, measures, prints the table
 --     cargo run --release -- report out/latest          figures, tables with significance, a page
 
-local x = experiment("own_technique", { seed = 1, repeats = 3, order = "interleave" })
+local x = experiment("own_technique", { seed = 1, repeats = 3 })
 
 -- Pass other values on the command line: `run own_technique.lua time=10s`.
 x:axis("technique", { "own_technique", "nee" })

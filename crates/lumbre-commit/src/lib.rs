@@ -9,7 +9,7 @@ use std::process::Command;
 use proc_macro::TokenStream;
 
 /// Expands to an `Option<&'static str>`: the commit of the calling package's repository in twelve
-/// hexadecimal digits, followed by `, files changed` if tracked files differ from it when the program
+/// hexadecimal digits, followed by `with changes` if tracked files differ from it when the program
 /// is built. `None` if the package is not the root of a repository, as in an unpacked archive, or if
 /// there is no git.
 #[proc_macro]
@@ -44,7 +44,7 @@ fn checked_out(folder: &Path) -> Option<(String, Option<String>)> {
     }
     let mut commit = git(&["rev-parse", "--short=12", "HEAD"])?;
     if !git(&["status", "--porcelain", "--untracked-files=no"])?.is_empty() {
-        commit.push_str(", files changed");
+        commit.push_str(" with changes");
     }
     let log = folder.join(git(&["rev-parse", "--git-path", "logs/HEAD"])?);
     let log = log.is_file().then(|| log.to_str().map(str::to_owned));

@@ -217,6 +217,13 @@ const ON: Field = Field {
     doc: "tone map applied to the image and to the reference first",
 };
 
+/// Option of metrics of displayed pictures, which depend on the largest possible value: see
+/// [`MetricSpec::new`].
+const DISPLAY_ON: Field = Field {
+    default: "`tonemap.srgb()`; with `range`, linear radiance",
+    ..ON
+};
+
 /// Option of metrics that depend on the largest possible value.
 const RANGE: Field = Field {
     key: "range",
@@ -235,7 +242,9 @@ pub fn metric(name: &str) -> Option<&'static MetricRow> {
 }
 
 impl MetricSpec {
-    /// Makes the metric `name` with these options, for the column `column`.
+    /// Makes the metric `name` with these options, for the column `column`. A metric with a `range` for
+    /// which neither `range` nor `on` is given has the tone map `srgb`: radiance has no largest
+    /// value.
     ///
     /// # Errors
     /// When the metric is unknown, or an option is unknown or out of range; error paths begin with
@@ -243,11 +252,18 @@ impl MetricSpec {
     pub fn new(
         column: &str,
         name: &str,
-        options: BTreeMap<String, Value>,
+        mut options: BTreeMap<String, Value>,
     ) -> Result<MetricSpec, SchemaError> {
         let row = metric(name)
             .ok_or_else(|| unknown_name(column, name, "metric", METRICS.iter().map(|m| m.name)))?;
         row.options.check(column, &options)?;
+        let has_range = row.options.fields.iter().any(|f| f.key == RANGE.key);
+        if has_range && !options.contains_key(RANGE.key) && !options.contains_key(ON.key) {
+            options.insert(
+                ON.key.to_owned(),
+                Tonemap::Srgb { exposure: 0.0 }.to_value(),
+            );
+        }
         if let Some(on) = options.get(ON.key) {
             Tonemap::from_value(&format!("{column}.{}", ON.key), on)?;
         }

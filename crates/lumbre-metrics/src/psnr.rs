@@ -1,7 +1,7 @@
 //! Peak signal-to-noise ratio.
 
 use super::floor::Noise;
-use super::{Better, MetricRow, ON, RANGE, pixels};
+use super::{Better, DISPLAY_ON, MetricRow, RANGE, pixels};
 use lumbre_light::value::schema::Table;
 
 /// Table row of the metric `psnr`.
@@ -16,7 +16,7 @@ pub const ROW: MetricRow = MetricRow {
     options: Table {
         name: "PsnrOptions",
         doc: "Options of `psnr`.",
-        fields: &[RANGE, ON],
+        fields: &[RANGE, DISPLAY_ON],
     },
     smallest: |_| 1,
     eval: |image, reference, spec| {

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::floor::Noise;
 use super::map::{Colours, PixelMap};
-use super::{Better, MetricRow, MetricSpec, ON, RANGE};
+use super::{Better, DISPLAY_ON, MetricRow, MetricSpec, RANGE};
 use lumbre_light::film::Image;
 use lumbre_light::value::schema::{Field, Table, Ty};
 
@@ -33,7 +33,7 @@ pub const ROW: MetricRow = MetricRow {
                 default: "uniform",
                 doc: "`uniform`: 7x7 pixels, sample covariance; `gauss`: sigma 1.5 cut to 11x11 pixels, as in the paper",
             },
-            ON,
+            DISPLAY_ON,
         ],
     },
     smallest: |spec| {

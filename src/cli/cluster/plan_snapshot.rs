@@ -29,7 +29,7 @@ pub fn save_plan_snapshot(
     let command = PlanCommand {
         script: folder.join(&script.script),
         folder,
-        arguments: std::env::args().skip(1).collect(),
+        arguments: crate::text::arguments(),
         auto: auto_backend().0.to_owned(),
     };
     let out = store.folder().parent().unwrap_or(store.folder());

@@ -55,8 +55,8 @@ pub fn submit(args: &SubmitArgs, global: &Global) -> Result<Exit, Failure> {
         ))))?;
         return Ok(Exit::Done);
     }
+    load::print_notes_and_warnings(&plan, global.quiet);
     if !global.quiet {
-        load::print_notes_and_warnings(&plan);
         if global.backend.as_deref() == Some("auto") || uses_auto_backend(&plan) {
             print_status(
                 "note: `auto` was resolved on this machine; set --backend if the nodes have other \

@@ -547,7 +547,11 @@ mod tests {
     #[test]
     fn metrics_are_typed_with_their_options() {
         let options = |text: &str| parse_metric(text).unwrap().describe_options();
-        assert_eq!(options("ssim"), "range 1, window uniform");
+        assert_eq!(
+            options("ssim"),
+            "range 1, window uniform, on srgb (exposure 0)"
+        );
+        assert_eq!(options("ssim:range=50"), "range 50, window uniform");
         assert_eq!(
             options("ssim:window=gauss,on=srgb"),
             "range 1, window gauss, on srgb (exposure 0)"

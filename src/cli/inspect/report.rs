@@ -1,7 +1,7 @@
 //! `lumbre report`: figures, tables, data files and a page for nights, from their folders.
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use serde_json::{Value as Json, json};
 
@@ -157,12 +157,18 @@ fn print_summary(report: &Report, nights: &[NightResults]) {
     ));
 }
 
-/// Writes all files of a report below the folder `to`, and removes what a killed report left there.
+/// Name of the file with the names of all files of a report, one per line.
+const FILE_LIST: &str = "files.txt";
+
+/// Writes all files of a report below the folder `to`, and removes what a killed report left there,
+/// and files of the last report that this one does not have.
 fn write_files(report: &Report, to: &Path) -> Result<(), Failure> {
     let mut cleaned = BTreeSet::new();
+    let mut written = BTreeSet::new();
     for item in &report.items {
         for (name, bytes) in item.files().map_err(Failure::internal)? {
-            let path: PathBuf = to.join(name);
+            let path: PathBuf = to.join(&name);
+            written.insert(name);
             let folder = path.parent().unwrap_or(to);
             if cleaned.insert(folder.to_owned()) {
                 store::remove_temporaries(folder);
@@ -170,7 +176,20 @@ fn write_files(report: &Report, to: &Path) -> Result<(), Failure> {
             store::write_atomically(&path, &bytes).map_err(Failure::internal)?;
         }
     }
-    Ok(())
+    let list = to.join(FILE_LIST);
+    let last = std::fs::read_to_string(&list).unwrap_or_default();
+    let is_below = |name: &str| {
+        let mut parts = Path::new(name).components();
+        parts.all(|part| matches!(part, Component::Normal(_)))
+    };
+    for name in last.lines().filter(|name| !written.contains(*name)) {
+        if is_below(name) {
+            // A file that cannot be removed is left: the page does not show it.
+            let _ = std::fs::remove_file(to.join(name));
+        }
+    }
+    let names: String = written.iter().map(|name| format!("{name}\n")).collect();
+    store::write_atomically(&list, names.as_bytes()).map_err(Failure::internal)
 }
 
 /// Returns the relative URL of a path from a folder, with percent-encoding. Both paths are

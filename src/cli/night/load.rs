@@ -122,8 +122,8 @@ pub fn load_scene(
 }
 
 /// Prints the notes and warnings of a plan, including the notes about its scene files.
-pub fn print_notes_and_warnings(plan: &Plan) {
-    for note in &plan.notes {
+pub fn print_notes_and_warnings(plan: &Plan, quiet: bool) {
+    for note in plan.notes.iter().filter(|_| !quiet) {
         print_status(&format!("note: {note}"));
     }
     for warning in &plan.warnings {

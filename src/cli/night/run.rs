@@ -106,9 +106,7 @@ fn run_night(
     global: &Global,
     log: &Log,
 ) -> Result<Exit, Failure> {
-    if !global.quiet {
-        load::print_notes_and_warnings(plan);
-    }
+    load::print_notes_and_warnings(plan, global.quiet);
     let tev = request.night.tev.as_deref().map(Tev::connect).transpose()?;
     let devices = if request.only_failed {
         Vec::new()

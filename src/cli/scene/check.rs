@@ -79,7 +79,7 @@ fn check_lua(file: &Path, global: &Global) -> Result<Checked, Failure> {
         only: Vec::new(),
     };
     let plan = load::expand_plan(&script, &args, global, false, global.allow_commands)?;
-    load::print_notes_and_warnings(&plan);
+    load::print_notes_and_warnings(&plan, global.quiet);
     let [cells, references, skipped] =
         [plan.cells.len(), plan.references.len(), plan.skipped.len()];
     Ok(Checked {

@@ -122,12 +122,13 @@ impl Ratio {
         };
         let level = sidak(SIGNIFICANCE, tests);
         Outcome {
-            verdict: if self.error > BOUND {
-                Verdict::Skipped
-            } else if p > level {
-                Verdict::Passed
-            } else {
+            // A difference far beyond the noise is one, however large the noise is.
+            verdict: if p <= level {
                 Verdict::Failed
+            } else if self.error > BOUND {
+                Verdict::Skipped
+            } else {
+                Verdict::Passed
             },
             statement: format!(
                 "ratio {:.4} ± {:.4} of {PARTS} pictures, allowed {BOUND}, p = {p:.1e}, level \
@@ -154,5 +155,6 @@ mod tests {
         assert_eq!(verdict(0.97, 0.0005), Verdict::Failed);
         assert_eq!(verdict(1.1, 0.0), Verdict::Failed);
         assert_eq!(verdict(1.0, 0.03), Verdict::Skipped);
+        assert_eq!(verdict(45.0, 0.6), Verdict::Failed);
     }
 }

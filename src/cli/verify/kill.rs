@@ -39,8 +39,9 @@ const TIMEOUT: Duration = Duration::from_secs(600);
 
 /// Columns of measurements and summaries with clock values, or that depend on which of the nights
 /// finished a run.
-const CLOCKS: [&str; 6] = [
+const CLOCKS: [&str; 7] = [
     "render_s",
+    "lost_s",
     "wall_s",
     "measure_s",
     "mpaths_per_s",
@@ -332,6 +333,7 @@ fn without_clocks(bytes: &[u8]) -> Result<Vec<u8>, String> {
     let mut done = DoneFile::parse(bytes).map_err(|problem| format!("done.json{problem}"))?;
     if let DoneFile::Rendered(results) = &mut done {
         (results.render_s, results.wall_s, results.measure_s) = (0.0, 0.0, 0.0);
+        results.lost_s = None;
         results.open.accel_build_s = 0.0;
         results.finished.clear();
         results.files.clear();

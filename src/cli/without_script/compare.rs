@@ -12,9 +12,12 @@ use crate::cli::format::{display_path, rounded};
 use crate::cli::night::last_command::latest;
 use crate::cli::night::log::Log;
 use crate::cli::night::run;
+use crate::experiment::WaveRow;
 use crate::experiment::night_results::{NightResults, RunResult, biased_reference, efficiency};
 use crate::output::clock;
 use crate::output::lanes::mixed_lanes;
+use crate::output::metric_display::MetricDisplay;
+use crate::output::repeats::MetricCurve;
 use crate::store::read::night_results::read_night;
 use crate::store::{self, Evidence};
 use lumbre_light::transport::integrator::bias_of;
@@ -94,12 +97,22 @@ fn last_error<'a>(night: &'a NightResults, run: &RunResult) -> Option<(&'a Metri
     Some((&night.metrics[index], value))
 }
 
-/// Returns the efficiencies of all finished runs by technique. Runs whose error is not above the
-/// noise of the reference have none.
+/// Returns the efficiencies of all finished runs by technique at the render time that all of them reached,
+/// as the report's tables at equal time. Runs whose error is not above the noise of the reference
+/// have none.
 fn efficiencies(night: &NightResults, techniques: &[String]) -> Vec<TechniqueResults> {
+    let finished = night.runs.iter().filter(|run| run.is_done());
+    let reached = finished.filter_map(|run| Some(run.rows.last()?.render_s));
+    let time_s = reached.reduce(f64::min);
+    let metric = night.metrics.iter().position(|m| m.column == METRIC);
     let of_run = |run: &RunResult| {
-        let (spec, error) = last_error(night, run)?;
-        efficiency(run.net_error(spec, error), run.rows.last()?.render_s)
+        let (time_s, metric) = time_s.zip(metric)?;
+        let spec = &night.metrics[metric];
+        let display = MetricDisplay::for_metric(spec);
+        let point = |row: &WaveRow| Some((row.render_s, *row.metrics.get(metric)?));
+        let curve = MetricCurve::new(display, run.rows.iter().filter_map(point));
+        let error = display.metric_value(curve.at(time_s)?);
+        efficiency(run.net_error(spec, error), time_s)
     };
     techniques
         .iter()
@@ -108,7 +121,7 @@ fn efficiencies(night: &NightResults, techniques: &[String]) -> Vec<TechniqueRes
             efficiencies: night
                 .runs
                 .iter()
-                .filter(|run| run.integrator == *name)
+                .filter(|run| run.integrator == *name && run.is_done())
                 .filter_map(of_run)
                 .collect(),
         })

@@ -17,6 +17,9 @@ const REFERENCE_FACTOR: f64 = 8.0;
 /// Number of measurements of a run, about.
 const MEASUREMENTS: f64 = 20.0;
 
+/// Least time between two measurements that scripts accept, in seconds.
+const MIN_EVERY_S: f64 = 0.01;
+
 /// A part of a render table.
 type Settings = BTreeMap<String, Value>;
 
@@ -68,7 +71,7 @@ pub fn script_text(comparison: &ComparisonArgs, file: &str) -> Result<String, Fa
 --     lumbre report out/latest   figures, tables with significance, and a page
 
 -- Techniques take turns, so that a machine that slows down slows all of them.
-local x = experiment({name}, {{ seed = 1, repeats = {repeats}, order = \"interleave\" }})
+local x = experiment({name}, {{ seed = 1, repeats = {repeats} }})
 
 x:axis(\"technique\", {techniques})
 
@@ -108,7 +111,7 @@ return x
         factor = rounded(REFERENCE_FACTOR),
         reference = literal(&Value::Map(of_reference)),
         reference_time = literal(&duration_text(REFERENCE_FACTOR * comparison.time)),
-        every = literal(&duration_text(comparison.time / MEASUREMENTS)),
+        every = literal(&duration_text((comparison.time / MEASUREMENTS).max(MIN_EVERY_S))),
         time = literal(&duration_text(comparison.time)),
     ))
 }

@@ -41,9 +41,7 @@ pub fn main(args: &RenderArgs, global: &Global) -> Result<Exit, Failure> {
         // Found before rendering, which may take hours.
         crate::store::probe(output.folder()).map_err(Failure::usage)?;
     }
-    if !global.quiet {
-        print_notes_and_warnings(&plan);
-    }
+    print_notes_and_warnings(&plan, global.quiet);
     if let Some(skipped) = plan.skipped.first() {
         return Err(Failure::usage(&skipped.reason));
     }

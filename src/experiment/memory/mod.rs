@@ -2,7 +2,7 @@
 
 mod limit;
 
-pub use limit::{MemoryLimit, free, total};
+pub use limit::{MemoryLimit, address_space_shortage, free, total};
 
 use self::limit::gibibytes;
 use super::spec::CellConfig;

@@ -93,13 +93,18 @@ impl NightRunner<'_, '_> {
             floors(metrics, image, halves)
         })?);
         self.floors[reference] = Some(Arc::clone(&floors));
-        let blank = halves.share_without_noise();
-        if blank > MOST_BACKGROUND && !self.is_background_noted {
+        let [black, coloured] = halves.shares_without_noise();
+        if black + coloured > MOST_BACKGROUND && !self.is_background_noted {
             self.is_background_noted = true;
             let text = format!(
-                "{:.0} % of the picture is background without noise: metrics are means over all \
-                 pixels, so they hardly see the rest. Use a closer camera or another resolution",
-                100.0 * blank
+                "{:.0} % of the reference has no noise ({}): metrics are means over all pixels, so \
+                 they hardly see the rest",
+                100.0 * (black + coloured),
+                match (black > 0.0, coloured > 0.0) {
+                    (true, true) => "background, and black pixels that may be unlit so far",
+                    (true, false) => "black: background, or pixels that no path has lit so far",
+                    _ => "background of one colour",
+                }
             );
             self.emit_message(Level::Warn, CellRef::Reference(reference), text)?;
         }

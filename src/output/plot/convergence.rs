@@ -54,7 +54,8 @@ pub(super) fn figure(data: &FigureData, x: FigureX, y: &[String]) -> (FigureCont
         Axis::new(Scale::Log, values.iter().copied())
     });
     let x_label = x.row().label;
-    let text = csv(data.plan, &panels);
+    let displays = columns.iter().map(|(_, _, m)| MetricDisplay::for_metric(m));
+    let text = csv(data.plan, panels.iter().zip(displays));
     let content = FigureContent {
         notes: subtitle(&groups),
         x_label: x_label.to_owned(),
@@ -110,20 +111,21 @@ fn line(
     }
 }
 
-/// Writes the points of all panels as CSV.
-fn csv(plan: &Plan, panels: &[MetricPanel]) -> String {
+/// Writes the points of all panels as CSV, in values of their metrics.
+fn csv<'a>(plan: &Plan, panels: impl Iterator<Item = (&'a MetricPanel, MetricDisplay)>) -> String {
     let mut text = crate::text::csv_line(&super::csv_header(plan));
-    for panel in panels {
+    for (panel, display) in panels {
         for (line, (cell, runs)) in panel.panel.lines.iter().zip(&panel.runs) {
             let band = line.band.as_ref().filter(|b| b.kind != BandKind::Single);
             for (index, (x, mean)) in line.points().iter().enumerate() {
                 let mut fields = super::axis_fields(plan, *cell);
                 let ends = band.and_then(|band| band.ends.get(index));
+                let ends = ends.map(|ends| display.metric_ends(*ends));
                 let bound = |bound: Option<f64>| bound.map(format::exact).unwrap_or_default();
                 fields.extend([
                     panel.column.clone(),
                     format::exact(*x),
-                    format::exact(*mean),
+                    format::exact(display.metric_value(*mean)),
                     bound(ends.map(|e| e.0)),
                     bound(ends.map(|e| e.1)),
                     runs.to_string(),

@@ -290,10 +290,15 @@ fn line_points(
 
 fn csv_row(data: &FigureData, x: &Value, value: &TableValue, point: &SweepPoint) -> String {
     let mut fields = super::axis_fields(data.plan, point.cell);
-    let Spread {
-        mean,
-        ends: (low, high),
-    } = point.spread;
+    let Spread { mean, ends } = point.spread;
+    let display = match value {
+        TableValue::Metric(column) => {
+            format::column(data.plan, column).map(|(_, metric)| MetricDisplay::for_metric(metric))
+        }
+        _ => None,
+    };
+    let mean = display.map_or(mean, |display| display.metric_value(mean));
+    let (low, high) = display.map_or(ends, |display| display.metric_ends(ends));
     let bound = |bound: f64| {
         if point.runs > 1 {
             format::exact(bound)

@@ -55,7 +55,18 @@ pub fn all(
         let Some(references) = snapshots::references(study, facet, pictures, notes) else {
             continue;
         };
-        let time = common_time(study, options, facet).map(|t| (Moment::Time(t), "equal-time"));
+        let time = common_time(study, options, facet).and_then(|time| {
+            let common = snapshots::common_stored_time(study, facet, time, &references);
+            if common.is_none() {
+                let note = "crops at equal time are left out: the techniques have no pictures that \
+                            were kept within 5 % of the same render time. More time, or runs that end \
+                            by `stop.time`, would have some";
+                if !notes.iter().any(|known| known == note) {
+                    notes.push(note.to_owned());
+                }
+            }
+            Some((Moment::Time(common?), "equal-time"))
+        });
         let error = error_metric.and_then(|m| {
             Some((
                 Moment::Error(m, common_error(study, facet, m)?),

@@ -1,7 +1,7 @@
 //! Writes tables as Markdown.
 
 use super::{Table, TableCell};
-use crate::text::wrap;
+use crate::text::{visible, wrap};
 
 /// Maximum line length of the caption of [`Table::to_text`] in characters.
 const CAPTION_WIDTH: usize = 100;
@@ -30,7 +30,10 @@ impl Table {
 
     /// Formats header and rows. Best values are bold.
     fn markdown_rows(&self) -> String {
-        let escaped = |s: &String| s.replace('|', "\\|").replace(['\n', '\r'], " ");
+        let escaped = |s: &String| {
+            let line = s.replace('|', "\\|").replace(['\n', '\r'], " ");
+            visible(&line).into_owned()
+        };
         let number = |cell: &TableCell| {
             if cell.best {
                 format!("**{}**", self.cell(cell))

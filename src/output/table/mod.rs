@@ -152,11 +152,16 @@ impl Table {
             return format!("{text}{mark} ± {:.0}", 100.0 * interval.half_width(value));
         };
         // The number has no more decimals than the second significant digit of its interval, and no
-        // more than the table's format allows.
-        let decimals = decimals_of_two_digits(interval.half_width(value))
-            .map_or(decimals_of(&text), |d| {
-                d.min(decimals_of(&significant(value, digits)))
-            });
+        // more than the table's format allows. A number that this would round to 0 has two digits.
+        let most = decimals_of(&significant(value, digits));
+        let decimals = decimals_of_two_digits(interval.half_width(value)).map_or(
+            decimals_of(&text),
+            |decimals| {
+                let is_zero = value.abs() < 0.5 * 0.1f64.powi(decimals as i32);
+                let shown = decimals_of_two_digits(value.abs()).filter(|_| is_zero);
+                shown.unwrap_or(decimals).min(most)
+            },
+        );
         let rounded = |x: f64| {
             if text.contains('e') {
                 self.number(x)
@@ -246,6 +251,9 @@ mod tests {
         assert_eq!(written(0.43215, Interval::Half(0.0123)), "0.432 ± 0.012");
         assert_eq!(written(0.43215, Interval::Factor(1.0284)), "0.432 ×÷ 1.028");
         assert_eq!(written(125.0, Interval::Factor(2.513)), "125 ×÷ 2.5");
+        // An interval that is wider than the number does not round it to 0.
+        assert_eq!(written(0.3341, Interval::Factor(1628.3)), "0.33 ×÷ 1628");
+        assert_eq!(written(0.0021, Interval::Half(0.93)), "0.0021 ± 0.9300");
         assert_eq!(written(125.3, Interval::Factor(14.2)), "125 ×÷ 14");
         assert_eq!(
             written(0.95312, Interval::Ends(0.9501, 0.9555)),

@@ -17,6 +17,9 @@ const MAX_VALUES: usize = 100_000;
 /// Largest number of axes of one experiment.
 const MAX_AXES: usize = 32;
 
+/// Greatest number of values of all axes together.
+const MAX_VALUES_OF_ALL: usize = 300_000;
+
 /// Longest string that may be the value of an axis, in bytes. It becomes part of a folder name.
 const MAX_TEXT: usize = 120;
 
@@ -317,6 +320,14 @@ fn axis(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptErr
     }
     if builder.axes.len() >= MAX_AXES {
         return Err(args.error(shared, format!("more than {MAX_AXES} axes"), None));
+    }
+    let others: usize = builder.axes.iter().map(|axis| axis.steps.len()).sum();
+    if others + steps.len() > MAX_VALUES_OF_ALL {
+        let problem = format!(
+            "the axes have {} values together; at most {MAX_VALUES_OF_ALL}",
+            others + steps.len()
+        );
+        return Err(args.error(shared, problem, None));
     }
     builder.axes.push(Axis { names, steps });
     Ok(LuaValue::Nil)

@@ -391,7 +391,7 @@ impl JournalEvent {
             Event::NightStarted { plan } => JournalEvent::NightStarted(NightStart {
                 plan: plan.hash.clone(),
                 cells: plan.cells.len(),
-                arguments: std::env::args().skip(1).collect(),
+                arguments: crate::text::arguments(),
                 ..NightStart::default()
             }),
             Event::CellStarted { cell, open, .. } => JournalEvent::CellStarted(RunStart {

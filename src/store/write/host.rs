@@ -39,7 +39,7 @@ impl Host {
             folder: std::env::current_dir()
                 .map(|folder| folder.display().to_string())
                 .unwrap_or_default(),
-            arguments: std::env::args().skip(1).collect(),
+            arguments: crate::text::arguments(),
             ..EnvFile::default()
         }
     }

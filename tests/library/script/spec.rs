@@ -254,7 +254,7 @@ fn order_warm_up_and_aa_check_are_read() {
     let plain = with("", "");
     assert_eq!(
         (plain.night.order, plain.night.warmup, plain.aa_check),
-        (Order::Sequential, None, false)
+        (Order::Interleave, None, false)
     );
     let spec = with(
         "order = \"interleave\", warmup = { time = \"500ms\" }",

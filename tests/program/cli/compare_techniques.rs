@@ -141,3 +141,98 @@ fn a_comparison_ends_with_a_verdict_and_its_interval() {
     let single = place.fail(2, &["compare", "ball.scn", "--technique", "nee"]);
     assert!(single.contains("two techniques or more"), "{single}");
 }
+
+#[test]
+fn a_biased_technique_renders_no_reference_unless_it_is_named() {
+    let place = Workplace::new();
+    let reference = |techniques: &str, more: &[&str]| {
+        let file = format!("{techniques}.lua");
+        let args = ["new", "ball.scn", "-y", "-t", techniques, "-o", &file];
+        place.succeed(&[&args, more].concat());
+        let script = place.read(&file);
+        let line = script
+            .lines()
+            .find(|line| line.contains("from = "))
+            .unwrap();
+        line.split('"').nth(1).unwrap().to_owned()
+    };
+    assert_eq!(reference("nee,sppm", &[]), "nee");
+    assert_eq!(reference("bdpt,nee,vcm", &[]), "nee");
+    assert_eq!(reference("sppm,vcm", &[]), "bdpt");
+    assert_eq!(reference("bpt,sppm", &["--reference", "sppm"]), "sppm");
+    let short = [
+        "compare",
+        "ball.scn",
+        "-t",
+        "nee,sppm",
+        "--time",
+        "0.05s",
+        "--size",
+        "12x8",
+        "--repeats",
+        "2",
+        "--backend",
+        "cpu",
+    ];
+    let biased = [&short[..], &["--reference", "sppm"]].concat();
+    let ended = place.succeed(&biased);
+    assert!(
+        ended
+            .stdout
+            .contains("warning: the reference is rendered by `sppm`, which is biased"),
+        "{}",
+        ended.stdout
+    );
+    let json = place.succeed(&[&biased[..], &["--json", "-q"]].concat());
+    let found: Json = serde_json::from_str(&json.stdout).unwrap();
+    assert_eq!(found["reference"]["technique"], "sppm");
+    assert!(found["reference"]["bias"].is_string(), "{found}");
+    assert!(
+        json.stderr.contains("which is biased"),
+        "warnings are printed with -q: {}",
+        json.stderr
+    );
+    place.succeed(&["report"]);
+    let verdict = place.read("out/latest/report/verdict.md");
+    assert!(verdict.contains("which is biased"), "{verdict}");
+    let unbiased = place.succeed(&short).stdout;
+    assert!(!unbiased.contains("reference is rendered by"), "{unbiased}");
+}
+
+/// The sentence of `compare` and the table of its report are one estimate.
+#[test]
+fn a_comparison_and_its_report_have_the_same_ratio() {
+    let place = Workplace::new();
+    let args = [
+        "compare",
+        "ball.scn",
+        "-t",
+        "bpt,nee",
+        "--time",
+        "0.2s",
+        "--size",
+        "24x16",
+        "--repeats",
+        "3",
+        "--backend",
+        "cpu",
+        "--json",
+        "-q",
+    ];
+    let json: Json = serde_json::from_str(&place.succeed(&args).stdout).unwrap();
+    let ratio = json["verdicts"][0]["ratio"].as_f64().unwrap();
+    place.succeed(&["report"]);
+    let table = place.read("out/latest/report/tables/equal-time-relmse.csv");
+    let mut lines = table
+        .lines()
+        .map(|line| line.split(',').collect::<Vec<_>>());
+    let header = lines.next().unwrap();
+    let value = header.iter().position(|name| *name == "value").unwrap();
+    let values: Vec<f64> = lines.map(|line| line[value].parse().unwrap()).collect();
+    assert_eq!(values.len(), 2, "{table}");
+    let by_report = values[0] / values[1];
+    assert!(
+        (by_report / ratio - 1.0).abs() < 1e-3,
+        "{by_report} {ratio}"
+    );
+}

@@ -339,7 +339,7 @@ fn experiments_that_can_tell_little_are_said_to() {
     assert_eq!(passed.matches(noted).count(), 1, "{passed}");
     // The ball covers a quarter of the picture, and nothing else can be seen.
     let night = place.succeed(&["run", "compared.lua", "--backend", "cpu"]);
-    let noted = " % of the picture is background without noise";
+    let noted = " % of the reference has no noise (black: background, or";
     assert_eq!(night.stderr.matches(noted).count(), 1, "{}", night.stderr);
 }
 
@@ -364,4 +364,25 @@ fn the_help_of_a_verb_has_its_own_options_first() {
         every.contains("--threads") && !every.contains("--out "),
         "{help}"
     );
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_night_is_rendered_in_folders_whose_names_are_not_utf8() {
+    use std::os::unix::ffi::OsStrExt;
+
+    let place = Workplace::new();
+    let name = std::ffi::OsStr::from_bytes(b"night\xff");
+    let folder = place.path(".").join(name);
+    std::fs::create_dir(&folder).unwrap();
+    std::fs::copy(place.path("night.lua"), folder.join("night.lua")).unwrap();
+    let mut command = place.command(&["run", "-q"]);
+    command.arg(std::path::Path::new(name).join("night.lua"));
+    command
+        .arg("--out")
+        .arg(std::path::Path::new(name).join("out"));
+    let ended = command.output().unwrap();
+    let error = String::from_utf8_lossy(&ended.stderr);
+    assert!(ended.status.success(), "{error}");
+    assert!(folder.join("out/latest/summary.csv").is_file());
 }

@@ -577,7 +577,7 @@ fn every_command_describes_its_arguments() {
         .unwrap_or_else(|| panic!("{version}"))
         .trim_start_matches(" (commit ")
         .trim_end_matches(')')
-        .trim_end_matches(", files changed");
+        .trim_end_matches(" with changes");
     assert!(
         commit.is_empty() || (commit.len() == 12 && commit.bytes().all(|b| b.is_ascii_hexdigit())),
         "{version}"

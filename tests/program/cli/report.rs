@@ -384,3 +384,37 @@ fn tables_figures_and_methods_compile_in_latex() {
     }
     assert!(place.path("r/paper.pdf").is_file());
 }
+
+#[test]
+fn a_report_removes_the_figures_that_it_no_longer_makes() {
+    let place = Workplace::new();
+    let night = NIGHT.replace("max_depth = 3", "max_depth = p.depth");
+    let axis = "x:axis(\"depth\", { 2, 3 })\nx:render";
+    place.write("study.lua", &night.replacen("x:render", axis, 1));
+    place.succeed(&["run", "study.lua", "-q"]);
+    place.succeed(&["report"]);
+    let figures = |place: &Workplace| -> Vec<String> {
+        let files = place.files("out/latest/report");
+        files.into_iter().filter(|f| f.ends_with(".svg")).collect()
+    };
+    let before = figures(&place);
+    place.write("out/latest/report/figures/mine.svg", "<svg/>");
+    place.succeed(&["report", "--by", "depth"]);
+    let after = figures(&place);
+    let page = place.read("out/latest/report/files.txt");
+    for file in after.iter().filter(|file| !file.ends_with("mine.svg")) {
+        let name = file.split("/report/").nth(1).unwrap();
+        assert!(
+            page.lines().any(|line| line == name),
+            "{file} is of the last report"
+        );
+    }
+    assert!(
+        after.iter().any(|file| file.ends_with("mine.svg")),
+        "{after:?}"
+    );
+    assert!(
+        before.iter().any(|file| !after.contains(file)),
+        "{before:?} {after:?}"
+    );
+}

@@ -127,6 +127,38 @@ fn a_stopped_night_keeps_its_exit_code_when_figures_cannot_be_written() {
     }
 }
 
+/// A process that is stopped for seconds renders nothing, and is not charged for them.
+#[test]
+#[cfg(target_os = "linux")]
+fn time_during_which_the_process_was_stopped_is_not_render_time() {
+    const STOPPED_S: f64 = 3.0;
+    let place = Workplace::new();
+    let script = "local x = experiment('stopped', { seed = 1 })\n\
+        x:render(function(p)\n\
+        return { scene = 'ball.scn', integrator = 'bpt', resolution = { 48, 32 }, backend = 'cpu' } end)\n\
+        x:stop(stop.time('1.5s'))\nreturn x\n";
+    let mut child = start(&place, script);
+    let since = Instant::now();
+    while !place
+        .files("out")
+        .iter()
+        .any(|file| file.ends_with("metrics.csv"))
+    {
+        assert!(since.elapsed() < MAX_WAIT, "nothing was measured");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    send(&child, "-STOP");
+    std::thread::sleep(Duration::from_secs_f64(STOPPED_S));
+    send(&child, "-CONT");
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    let (done, _) = place.finished().remove(0);
+    let text = std::fs::read_to_string(place.path(&done)).unwrap();
+    let done: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let [render_s, lost_s] = ["render_s", "lost_s"].map(|name| done[name].as_f64().unwrap());
+    assert!((1.5..2.5).contains(&render_s), "{render_s} s were charged");
+    assert!(lost_s > 0.9 * STOPPED_S, "{lost_s} s were noticed");
+}
+
 #[test]
 fn too_many_threads_are_refused() {
     let error = Workplace::new().fail(2, &["plan", "night.lua", "--threads", "5000"]);
@@ -151,6 +183,11 @@ fn limits_of_the_process_are_named() {
             String::from_utf8(ended.stderr).unwrap(),
         )
     };
+    let (status, error) = night("-v 60000");
+    assert!(
+        matches!(status, Some(1 | 2)) && error.contains("`ulimit -v`"),
+        "{status:?} {error}"
+    );
     let (status, error) = night("-s 64");
     assert_eq!(status, Some(0), "{error}");
     for (limit, said) in [("-n 8", "`ulimit -n`"), ("-f 1", "`ulimit -f`")] {

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::Pictures;
 use super::study::{Member, Study};
 use crate::experiment::WaveRow;
+use crate::experiment::night_results::RunResult;
 use crate::output::metric_display::MetricDisplay;
 use lumbre_light::film::Image;
 use lumbre_metrics::MetricSpec;
@@ -181,6 +182,57 @@ pub fn references(
     (!references.all.is_empty()).then_some(references)
 }
 
+/// Greatest ratio of the render times of pictures that are compared at equal time.
+pub const EQUAL_TIME: f64 = 1.05;
+
+/// Returns the render time nearest to `time` at which every series of a facet with a reference has a
+/// stored picture, all within [`EQUAL_TIME`] of one another; `None` if there is none.
+pub fn common_stored_time(
+    study: &Study,
+    facet: usize,
+    time: f64,
+    references: &FacetReferences,
+) -> Option<f64> {
+    let with_reference = (0..study.series.len()).filter(|s| references.by_series[*s].is_some());
+    let stored: Vec<Vec<f64>> = with_reference
+        .filter_map(|series| {
+            let member = shown_member(study, facet, series)?;
+            let stored = stored(member.run).map(|(row, _)| row.render_s);
+            Some(stored.filter(|time| *time > 0.0).collect())
+        })
+        .collect();
+    let distance = |a: f64, b: f64| (a / b).ln().abs();
+    let is_common = |time: &f64| {
+        let nearest = stored.iter().map(|times| {
+            let nearest = times.iter().copied();
+            nearest.min_by(|a, b| distance(*a, *time).total_cmp(&distance(*b, *time)))
+        });
+        let nearest: Option<Vec<f64>> = nearest.collect();
+        nearest.is_some_and(|times| {
+            let low = times.iter().copied().fold(f64::INFINITY, f64::min);
+            times.iter().all(|time| time / low <= EQUAL_TIME)
+        })
+    };
+    let candidates = stored.iter().flatten().copied().filter(is_common);
+    candidates.min_by(|a, b| distance(*a, time).total_cmp(&distance(*b, time)))
+}
+
+/// Returns the run of a series that pictures show: its first finished repeat with a stored picture.
+fn shown_member<'a>(study: &'a Study<'_>, facet: usize, series: usize) -> Option<Member<'a>> {
+    let members = study.members(facet, series);
+    members
+        .into_iter()
+        .find(|m| m.run.is_done() && !m.run.pictures.is_empty())
+}
+
+/// Returns the measurements of a run that have a stored picture, with its file.
+fn stored(run: &RunResult) -> impl Iterator<Item = (&WaveRow, &Path)> {
+    run.pictures.iter().filter_map(|(samples, path)| {
+        let row = run.rows.iter().find(|row| row.samples == *samples)?;
+        Some((row, path.as_path()))
+    })
+}
+
 /// Selects, for each series of a facet with a reference, the stored picture of its first finished
 /// repeat that is nearest to a moment on a logarithmic scale. Pictures whose size differs from the
 /// reference are left out.
@@ -196,14 +248,10 @@ pub fn nearest_snapshots(
     let size = [first.width, first.height];
     let mut snapshots = Vec::new();
     for series in (0..study.series.len()).filter(|s| references.by_series[*s].is_some()) {
-        let members = study.members(facet, series);
-        let Some(member) = members
-            .iter()
-            .find(|m| m.run.is_done() && !m.run.pictures.is_empty())
-        else {
+        let Some(member) = shown_member(study, facet, series) else {
             continue;
         };
-        let Some((row, path)) = nearest(study, member, moment) else {
+        let Some((row, path)) = nearest(study, &member, moment) else {
             continue;
         };
         let Some(image) = read_picture(path, pictures, notes) else {
@@ -236,11 +284,6 @@ fn nearest<'a>(
     member: &Member<'a>,
     moment: Moment,
 ) -> Option<(&'a WaveRow, &'a Path)> {
-    let run = member.run;
-    let stored = run.pictures.iter().filter_map(|(samples, path)| {
-        let row = run.rows.iter().find(|row| row.samples == *samples)?;
-        Some((row, path.as_path()))
-    });
     let distance = |row: &WaveRow| -> Option<f64> {
         let (here, there) = match moment {
             Moment::End => return Some(-(row.samples as f64)),
@@ -253,7 +296,7 @@ fn nearest<'a>(
         };
         Some((here / there).ln().abs()).filter(|d| d.is_finite())
     };
-    let ranked = stored.filter_map(|(row, path)| Some((distance(row)?, row, path)));
+    let ranked = stored(member.run).filter_map(|(row, path)| Some((distance(row)?, row, path)));
     ranked
         .min_by(|a, b| a.0.total_cmp(&b.0))
         .map(|(_, row, path)| (row, path))

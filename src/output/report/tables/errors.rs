@@ -128,7 +128,8 @@ pub(super) fn equal_time(study: &Study, options: &ReportOptions, metric: usize) 
     times.iter().flatten().next()?;
     let caption = format!(
         "{} after the render time in the row's label. Values between measurements are \
-         interpolated linearly on the scales of the plots. Mean over repeats.",
+         interpolated linearly on the scales of the plots. The error of the reference is subtracted if it \
+         is known. Mean over repeats.",
         format::metric_description(spec)
     );
     let table = empty_table(
@@ -147,7 +148,8 @@ pub(super) fn equal_time(study: &Study, options: &ReportOptions, metric: usize) 
         Some(display.metric_value(drawn))
     };
     let mut table = fill_table(study, table, ranking, |facet, m| {
-        at_time(facet, m).map(RunValue::exact)
+        let error = m.run.net_error(spec, at_time(facet, m)?);
+        Some(RunValue::exact(error))
     });
     mark_noise_floors(study, &mut table, metric, at_time);
     table.label_headers.push("time (s)".to_owned());

@@ -15,10 +15,10 @@ fn the_page_begins_with_the_winners() {
     let markdown = text(&made, "verdict", "md");
     assert!(markdown.starts_with(expected), "{markdown}");
     assert!(markdown.contains("| box, after 1.28 s"), "{markdown}");
-    assert!(markdown.contains("| **nee (1.6×)** |"), "{markdown}");
+    assert!(markdown.contains("| **nee (1.4×)** |"), "{markdown}");
     let page = text(&made, "index", "html");
     let (answer, rest) = page.split_once("<nav>").unwrap();
-    assert!(answer.contains(expected) && answer.contains("<b>nee (1.6×)</b>"));
+    assert!(answer.contains(expected) && answer.contains("<b>nee (1.4×)</b>"));
     assert!(answer.contains("data:image/png;base64,"), "thumbnails");
     assert!(!answer.contains("Before you believe it"), "{answer}");
     assert!(answer.contains("/experiment.lua\">script</a>"), "{answer}");
