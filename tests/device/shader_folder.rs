@@ -59,7 +59,7 @@ fn folder() -> tempfile::TempDir {
         path.join("mine/own/light.glsl"),
         "#define LIGHT vec3(2.5)\n",
     );
-    let same = "crates/lumbre-vulkan/shaders/scene.glsl";
+    let same = "shaders/scene.glsl";
     let same = Path::new(env!("CARGO_MANIFEST_DIR")).join(same);
     let same = std::fs::read_to_string(same).unwrap();
     write(path.join("copy/scene.glsl"), &same);

@@ -77,6 +77,7 @@ pub fn project_files() -> Vec<PathBuf> {
     let mut open: Vec<PathBuf> = [
         "src",
         "crates",
+        "shaders",
         "xtask",
         "templates",
         "tests",

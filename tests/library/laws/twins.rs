@@ -247,7 +247,7 @@ const HOST: &[(&str, &str)] = &[
 ];
 
 /// Folder of the shaders.
-const SHADERS: &str = "crates/lumbre-vulkan/shaders";
+const SHADERS: &str = "shaders";
 
 /// Folder of their originals.
 const ORIGINALS: &str = "crates/lumbre-light/src";

@@ -143,7 +143,7 @@ mod tests {
     fn the_committed_constants_are_those_of_the_code() {
         let path = concat!(
             env!("CARGO_MANIFEST_DIR"),
-            "/shaders/gen/specialization.glsl"
+            "/../../shaders/gen/specialization.glsl"
         );
         let committed = std::fs::read_to_string(path).unwrap_or_default();
         if committed != glsl() {

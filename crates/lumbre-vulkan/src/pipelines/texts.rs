@@ -6,7 +6,7 @@ macro_rules! embed {
     ($($path:literal),* $(,)?) => {
         /// Texts of the shaders: path below `shaders/`, text.
         pub static TEXTS: &[(&str, &str)] =
-            &[$(($path, include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/", $path)))),*];
+            &[$(($path, include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shaders/", $path)))),*];
     };
 }
 
@@ -115,7 +115,7 @@ mod tests {
 
     #[test]
     fn every_file_of_the_folder_is_embedded() {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders");
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shaders");
         let (mut open, mut found) = (vec![root.clone()], BTreeSet::new());
         while let Some(folder) = open.pop() {
             for entry in std::fs::read_dir(folder).unwrap() {
