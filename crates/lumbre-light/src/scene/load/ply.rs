@@ -93,6 +93,7 @@ pub(super) fn decode_mesh(
         uvs: Vec::new(),
         colors: Vec::new(),
         second_uvs: Vec::new(),
+        tangents: Vec::new(),
         triangles: Vec::new(),
         slots: vec![slot.to_owned()],
         triangle_slot: Vec::new(),

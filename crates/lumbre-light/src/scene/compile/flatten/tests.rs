@@ -14,6 +14,7 @@ fn mesh(positions: Vec<Vec3>, normals: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> A
         uvs: vec![],
         colors: vec![],
         second_uvs: vec![],
+        tangents: Vec::new(),
         triangle_slot: vec![0; triangles.len()],
         triangles,
         slots: vec!["m".to_owned()],

@@ -146,6 +146,7 @@ fn load_with_libraries(
             uvs: Vec::new(),
             colors: Vec::new(),
             second_uvs: Vec::new(),
+            tangents: Vec::new(),
             triangles: Vec::new(),
             slots: Vec::new(),
             triangle_slot: Vec::new(),
