@@ -279,9 +279,11 @@ impl GltfLoader<'_> {
         };
         let axis = |v: DVec3| world.transform_vector3(v).normalize_or(v).as_vec3();
         let position = world.translation.as_vec3();
+        let forward = axis(DVec3::NEG_Z);
+        let target = default_scene::distant_target(world.translation, forward.as_dvec3());
         self.camera = Some(CameraDesc {
             position,
-            target: position + axis(DVec3::NEG_Z),
+            target: target.unwrap_or(position + forward),
             up: axis(DVec3::Y),
             ..view
         });
