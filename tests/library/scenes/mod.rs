@@ -15,6 +15,7 @@ mod export;
 mod export_pbrt;
 mod folder;
 mod gltf;
+mod gltf_defaults;
 mod growth;
 mod growth_files;
 mod hostile;
