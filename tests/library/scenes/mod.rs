@@ -27,6 +27,7 @@ mod mitsuba;
 mod mitsuba_damaged;
 mod mitsuba_files;
 mod obj;
+mod obj_state;
 mod pbrt;
 mod pbrt_content;
 mod ply;

@@ -122,6 +122,17 @@ pub fn distant_target(position: DVec3, forward: DVec3) -> Option<Vec3> {
 
 /// Returns smooth vertex normals: those of [`mean_normals`], or +y.
 pub fn smooth_normals(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Vec3> {
+    mean_normals(positions, triangles)
+        .map(|n| n.unwrap_or(Vec3::Y))
+        .collect()
+}
+
+/// Returns the mean of the normals of adjacent triangles at every vertex, weighted by their angles at
+/// the vertex [Thürmer & Wüthrich 1998]; `None` if they cancel, or no triangle has an area.
+pub fn mean_normals(
+    positions: &[Vec3],
+    triangles: &[[u32; 3]],
+) -> impl Iterator<Item = Option<Vec3>> + use<> {
     let mut sums = vec![DVec3::ZERO; positions.len()];
     for corners in triangles {
         let p = corners.map(|i| positions[i as usize].as_dvec3());
@@ -134,6 +145,5 @@ pub fn smooth_normals(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Vec3> {
         }
     }
     sums.into_iter()
-        .map(|n| n.try_normalize().unwrap_or(DVec3::Y).as_vec3())
-        .collect()
+        .map(|n| n.try_normalize().map(|n| n.as_vec3()))
 }

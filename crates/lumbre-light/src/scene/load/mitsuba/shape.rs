@@ -12,7 +12,7 @@ use super::serialized::{SerializedFile, SerializedMesh};
 use super::tree::XmlObject;
 use crate::scene::desc::{MeshDesc, ShapeDesc, Transform, mesh_hash};
 use crate::scene::load::default_scene;
-use crate::scene::load::obj::Front;
+use crate::scene::load::obj::{Front, Smoothing};
 use crate::scene::load::{canonical, obj, ply};
 use crate::scene::shape::Shape;
 use crate::scene::{Note, SceneError};
@@ -229,7 +229,12 @@ impl MeshLoader {
         }
         let known_as = key.clone();
         let read = match o.plugin.as_str() {
-            "obj" => obj::load_mesh(&path, "", Front::CounterClockwise, notes),
+            "obj" => obj::load_mesh(
+                &path,
+                "",
+                (Front::CounterClockwise, Smoothing::Ignored),
+                notes,
+            ),
             "ply" => ply::load_mesh(&path, "", notes),
             _ => self.serialized_mesh(&path, &key).map(|read| {
                 key.flat |= read.flat;
