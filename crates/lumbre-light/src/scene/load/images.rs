@@ -214,8 +214,9 @@ pub(super) fn decode(
         ),
     };
     if bytes.starts_with(&openexr::MAGIC) {
-        return decode_exr(path, &bytes).map_err(malformed);
+        return decode_exr(path, &bytes, notes).map_err(malformed);
     }
+    let bytes = with_radiance_signature(bytes);
     let budget = decode_budget(bytes.len());
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
@@ -260,6 +261,19 @@ pub(super) fn decode(
     Ok(TextureDesc::new(path, width, height, texels))
 }
 
+/// Signatures of Radiance HDR files: that of the format, which the decoder knows, and that of files
+/// written by `rgbe.c`, OpenCV and others.
+const RADIANCE_SIGNATURES: [&[u8]; 2] = [b"#?RADIANCE", b"#?RGBE"];
+
+/// Replaces the second signature of Radiance HDR files by the first; nothing else differs.
+fn with_radiance_signature(bytes: Vec<u8>) -> Vec<u8> {
+    let [known, other] = RADIANCE_SIGNATURES;
+    match bytes.strip_prefix(other) {
+        Some(rest) if rest.first().is_some_and(u8::is_ascii_whitespace) => [known, rest].concat(),
+        _ => bytes,
+    }
+}
+
 /// Checks that the bytes for decoding an image are available: the decoded image and its texels. A
 /// failed allocation inside a decoder would end the program.
 fn ensure_memory(width: u32, height: u32, bytes: u64) -> Result<(), String> {
@@ -273,10 +287,18 @@ fn ensure_memory(width: u32, height: u32, bytes: u64) -> Result<(), String> {
 }
 
 /// Decodes an OpenEXR image.
-fn decode_exr(path: &Path, bytes: &[u8]) -> Result<TextureDesc, String> {
+fn decode_exr(path: &Path, bytes: &[u8], notes: &mut Vec<Note>) -> Result<TextureDesc, String> {
     // A decoded pixel takes four floats.
     let max_pixels = (decode_budget(bytes.len()) / 16) as usize;
-    let (image, _) = openexr::decode(bytes, max_pixels)?;
+    let (image, one_of) = openexr::decode_texture(bytes, max_pixels)?;
+    if let Some(group) = one_of {
+        let shown: String = group.chars().take(48).collect();
+        notes.push(Note {
+            file: path.to_owned(),
+            place: "image".to_owned(),
+            message: format!("of several groups of channels only `{shown}` is used"),
+        });
+    }
     if image.width.max(image.height) > MAX_TEXTURE_SIDE {
         return Err(format!(
             "the image has {}x{} pixels",
