@@ -30,6 +30,7 @@ mod obj;
 mod obj_state;
 mod pbrt;
 mod pbrt_content;
+mod pbrt_names;
 mod ply;
 mod samples;
 mod scn;

@@ -153,17 +153,21 @@ impl ImageCache {
     /// # Errors
     /// Fails like [`ImageCache::derived`].
     pub fn heights(&mut self, image: &Arc<TextureDesc>) -> Result<Arc<TextureDesc>, String> {
-        let is_grey = match &image.texels {
-            Texels::Rgba8(t) => t.iter().all(|[r, g, b, _]| r == g && g == b),
-            Texels::RgbaF32(t) => t.iter().all(|[r, g, b, _]| r == g && g == b),
-        };
-        if is_grey {
+        if is_grey(image) {
             return Ok(Arc::clone(image));
         }
         self.derived(image, "heights", |[r, g, b, _]| {
             let y = luminance_f32([r, g, b]);
             [y, y, y, 1.0]
         })
+    }
+}
+
+/// Returns whether all texels of an image are grey.
+pub(super) fn is_grey(image: &TextureDesc) -> bool {
+    match &image.texels {
+        Texels::Rgba8(t) => t.iter().all(|[r, g, b, _]| r == g && g == b),
+        Texels::RgbaF32(t) => t.iter().all(|[r, g, b, _]| r == g && g == b),
     }
 }
 
