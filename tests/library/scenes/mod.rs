@@ -26,6 +26,7 @@ mod meter;
 mod mitsuba;
 mod mitsuba_damaged;
 mod mitsuba_files;
+mod mitsuba_legacy;
 mod obj;
 mod obj_state;
 mod pbrt;
