@@ -36,16 +36,6 @@ fn look_at_is_written_in_three_ways() {
 }
 
 #[test]
-fn a_camera_far_from_the_origin_keeps_its_direction() {
-    let sensor = r#"<scene version="3.0.0"><sensor type="perspective"><transform name="to_world">
-<lookat origin="2000000,-3000000,2000000" target="0,0,400000" up="0,1,0"/></transform></sensor></scene>"#;
-    let (desc, _) = Folder::new(&[("a.xml", sensor)]).load("a.xml").unwrap();
-    let found = (desc.camera.target - desc.camera.position).normalize();
-    let expected = Vec3::new(-2.0, 3.0, -1.6).normalize();
-    assert!(found.distance(expected) < 1e-6, "{found}");
-}
-
-#[test]
 fn gamma_of_a_bitmap_is_its_decoding() {
     for (gamma, expected) in [("1", 128.0 / 255.0), ("2.2", (128.0f32 / 255.0).powf(2.2))] {
         let (desc, notes) = textured(&format!(

@@ -165,7 +165,7 @@ fn a_light_of_two_sides_has_a_front_on_either() {
         let [front, back] = &scene.triangles[..] else {
             panic!("{:?}", scene.triangles)
         };
-        let normal = |[a, b, c]: &[Vec3; 3]| (*b - *a).cross(*c - *a).normalize();
+        let normal = |[a, b, c]: &[Vec3; 3]| (*b - *a).cross(*c - *a).normalize_or_zero();
         assert!(normal(front).distance(-normal(back)) < 1e-3);
         // Each is the nearer one on its side.
         let gap = (front[0] - back[0]).dot(normal(front));

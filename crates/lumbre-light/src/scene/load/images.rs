@@ -496,6 +496,11 @@ mod tests {
         };
         assert_eq!(texels[0], [4.0, 1.0, 0.25, 1.0]);
         assert!(notes.is_empty());
+        // The signature of `rgbe.c` and others.
+        let bytes = std::fs::read(&hdr).unwrap();
+        let rest = bytes.strip_prefix(b"#?RADIANCE").unwrap();
+        std::fs::write(&hdr, [b"#?RGBE", rest].concat()).unwrap();
+        assert_eq!(load(&hdr, &mut notes).unwrap().content_hash, t.content_hash);
         let deep = dir.path().join("deep.png");
         image::ImageBuffer::<image::Luma<u16>, _>::from_pixel(1, 1, image::Luma([65535u16]))
             .save(&deep)
