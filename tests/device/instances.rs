@@ -56,6 +56,7 @@ fn ball(rows: u32) -> Arc<MeshDesc> {
             .map(|p| (*p * 0.5 + 0.5).clamp(Vec3::ZERO, Vec3::ONE))
             .collect(),
         second_uvs: Vec::new(),
+        tangents: Vec::new(),
         positions,
         triangles,
         triangle_slot: slots,

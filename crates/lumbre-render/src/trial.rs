@@ -310,6 +310,7 @@ fn walls_around(half: f32) -> EntityDesc {
         uvs: Vec::new(),
         colors: Vec::new(),
         second_uvs: Vec::new(),
+        tangents: Vec::new(),
         triangles: triangles.collect(),
         slots: vec!["walls".to_owned()],
         triangle_slot: vec![0; 12],

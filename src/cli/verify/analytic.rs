@@ -353,6 +353,7 @@ fn mesh(material: &str, quads: &[[Vec3; 4]]) -> EntityDesc {
         uvs: Vec::new(),
         colors: Vec::new(),
         second_uvs: Vec::new(),
+        tangents: Vec::new(),
         triangles: (0..quads.len() as u32)
             .flat_map(|q| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|i| 4 * q + i)))
             .collect(),

@@ -310,6 +310,7 @@ fn make_mesh(shared: &Shared, args: &Args, f: &Fields) -> ShapeResult {
             .into_iter()
             .map(|t| t.map(|c| c as u32 - 1))
             .collect(),
+        ..Shape::default()
     };
     shape_result(shared, args, shape.checked())
 }
@@ -331,6 +332,7 @@ fn join(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptE
                 normals: mesh.normals.clone(),
                 uvs: mesh.uvs.clone(),
                 second_uvs: mesh.second_uvs.clone(),
+                tangents: mesh.tangents.clone(),
                 colors: mesh.colors.clone(),
                 triangles: mesh.triangles.clone(),
             };

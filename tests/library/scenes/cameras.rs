@@ -53,6 +53,29 @@ fn the_scale_of_a_mitsuba_sensor_is_half_the_width_of_the_picture() {
     }
 }
 
+#[test]
+fn cameras_far_from_the_origin_keep_their_direction() {
+    let mitsuba = r#"<scene version="3.0.0"><sensor type="perspective"><transform name="to_world">
+<lookat origin="2000000,-3000000,2000000" target="0,0,400000" up="0,1,0"/></transform></sensor></scene>"#;
+    // The world is mirrored along x.
+    let pbrt =
+        "LookAt 2000000 -3000000 2000000  0 0 400000  0 1 0\nCamera \"perspective\"\nWorldBegin\n";
+    let gltf = r#"{ "asset": { "version": "2.0" }, "scenes": [ { "nodes": [0] } ],
+"nodes": [ { "camera": 0, "translation": [3e6, 1e6, -2e6], "rotation": [0, 0.6, 0, 0.8] } ],
+"cameras": [ { "type": "perspective", "perspective": { "yfov": 0.7, "znear": 0.1 } } ] }"#;
+    for (name, text, expected) in [
+        ("a.xml", mitsuba, Vec3::new(-2.0, 3.0, -1.6)),
+        ("a.pbrt", pbrt, Vec3::new(2.0, 3.0, -1.6)),
+        // By 2 atan(3 / 4), whose sine and cosine are 24 and 7 over 25.
+        ("a.gltf", gltf, Vec3::new(-24.0, 0.0, -7.0)),
+    ] {
+        let (desc, _) = read(name, text).unwrap();
+        let found = (desc.camera.target - desc.camera.position).normalize_or_zero();
+        let expected = expected.normalize_or_zero();
+        assert!(found.distance(expected) < 1e-6, "{name}: {found}");
+    }
+}
+
 /// Returns the window and the resolution of a Mitsuba scene with these properties of the sensor and
 /// of its film of 64 by 32 pixels.
 fn mitsuba_window(sensor: &str, film: &str) -> Result<([f32; 4], [u32; 2]), String> {

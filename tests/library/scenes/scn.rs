@@ -333,10 +333,7 @@ fn faces_get_the_material_of_the_entity_or_the_mesh_or_the_default() {
         (names.join(" "), lines(&notes))
     };
     let (names, notes) = scene("", "");
-    assert_eq!(
-        names,
-        "default_material default_material a b default_material"
-    );
+    assert_eq!(names, "default_material default_material a b b");
     assert!(
         notes.contains("entities.m: no material is named `unknown`; the first material is used"),
         "{notes}"
@@ -348,7 +345,7 @@ fn faces_get_the_material_of_the_entity_or_the_mesh_or_the_default() {
     assert!(notes.contains("`unknown`"));
     assert_eq!(
         scene("", r#", { "name": "default_material" }"#).0,
-        "default_material default_material a b default_material"
+        "default_material default_material a b b"
     );
 }
 

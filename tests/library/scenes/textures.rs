@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{
-    Lookup, MATERIAL_PARAMS, MaterialDesc, SceneDesc, Texels, TextureSlot, Wrap,
+    Lookup, MATERIAL_PARAMS, MaskMode, MaterialDesc, SceneDesc, Texels, TextureSlot, Wrap,
 };
 use lumbre_light::scene::edit::set;
 use lumbre_light::scene::load::{MissingTextures, load_with};
@@ -190,7 +190,7 @@ fn mtl_materials_are_read_by_name() {
     );
     assert_eq!(
         (b.ior, b.opacity, b.roughness, b.metallic, b.sheen),
-        (1.33, 0.25, 0.5, 0.75, 0.1)
+        (1.33, 1.0, 0.5, 0.75, 0.1)
     );
     assert_eq!(
         (b.clearcoat, b.clearcoat_gloss, b.anisotropic),
@@ -211,14 +211,15 @@ fn mtl_materials_are_read_by_name() {
         .into_iter()
         .filter(|slot| a.texture(*slot).is_some())
         .count();
-    assert_eq!(
-        (
-            filled,
-            stored(a, TextureSlot::Normal),
-            stored(a, TextureSlot::Mask)
-        ),
-        (6, Some(75), Some(25))
-    );
+    assert_eq!((filled, stored(a, TextureSlot::Normal)), (6, Some(75)));
+    let coverage = |m: &MaterialDesc| match &m.texture(TextureSlot::Mask).unwrap().texels {
+        Texels::RgbaF32(texels) => texels[0][0],
+        Texels::Rgba8(_) => panic!("floats expected"),
+    };
+    // The luminance of the map, whose texel is (25, 100, 200), and `d`.
+    let luminance = (0.2126 * 25.0 + 0.7152 * 100.0 + 0.0722 * 200.0) / 255.0;
+    assert!((coverage(a) - luminance).abs() < 1e-5, "{}", coverage(a));
+    assert_eq!((coverage(b), b.mask_mode), (0.25, MaskMode::Blend));
     assert!(compile(&desc).is_ok());
 }
 

@@ -4,9 +4,12 @@ use std::ops::Index;
 
 use super::bsdf::{Bsdf, Orientation, PackedBsdf, PackedClass};
 use super::ray::{Hit, Ray, RayHits};
-use super::surface::{PrimitiveKind, ShadingParameters, Surface, SurfaceTraits, lookup, uv_at};
+use super::surface::{
+    self, PrimitiveKind, ShadingParameters, Surface, SurfaceTraits, has_fractional_mask, lookup,
+    uv_at,
+};
 use crate::math::real::Real;
-use crate::math::simd::{Lanes, map_array};
+use crate::math::simd::{Lanes, map_array, store_vectors};
 use crate::record;
 use crate::scene::CompiledScene;
 use crate::scene::compile::NONE;
@@ -60,6 +63,8 @@ pub struct SurfaceClasses {
     packed: Vec<PackedBsdf>,
     /// Whether any surface may have a terminator offset.
     terminators: bool,
+    /// Whether any mask accepts hits with a probability between 0 and 1.
+    fractional_masks: bool,
 }
 
 /// Number of kinds of primitives: triangles, triangles of instances, and spheres, each with and
@@ -118,6 +123,7 @@ impl SurfaceClasses {
             all.of.push(of);
             all.packed.push(packed);
         }
+        all.fractional_masks = scene.materials.iter().any(has_fractional_mask);
         all.terminators = all.classes.iter().any(|class| class.surface.terminator);
         all
     }
@@ -233,6 +239,33 @@ impl<'a, R: Lanes<N>, const N: usize> Arrival<'a, R, N> {
             materials: R::store_words(hits.material),
             components: R::store_words(hits.component),
         }
+    }
+
+    /// Returns the probability with which the mask of each surface accepted its hit; 1 without a
+    /// mask.
+    #[inline(always)]
+    pub fn acceptance(&self, classes: &SurfaceClasses, scene: &CompiledScene) -> [f32; N] {
+        let mut acceptance = [1.0; N];
+        if classes.fractional_masks {
+            let hits = &self.hits;
+            let origins = store_vectors::<R, N>(hits.origin);
+            let directions = store_vectors::<R, N>(hits.dir);
+            let (t, [v, w]) = (hits.t.store(), hits.uv.map(|x| x.store()));
+            for (i, share) in acceptance.iter_mut().enumerate() {
+                let ray = Ray {
+                    origin: origins[i],
+                    dir: directions[i],
+                };
+                let hit = Hit {
+                    t: t[i],
+                    primitive: hits.primitives[i],
+                    instance: hits.instances[i],
+                    uv: [v[i], w[i]],
+                };
+                *share = surface::acceptance(scene, &ray, &hit);
+            }
+        }
+        acceptance
     }
 
     /// Builds the surfaces.

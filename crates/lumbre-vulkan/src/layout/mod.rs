@@ -220,7 +220,8 @@ mod tests {
 
     #[test]
     fn the_committed_layouts_are_those_of_the_code() {
-        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shaders/gen/layout.glsl");
+        let path =
+            std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shaders/gen/layout.glsl");
         let committed = std::fs::read_to_string(&path).unwrap_or_default();
         if committed != glsl() {
             std::fs::write(&path, glsl()).unwrap();

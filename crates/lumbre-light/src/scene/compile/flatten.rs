@@ -87,6 +87,7 @@ pub fn compile_sharing(
     }
     let mut notes = resolver.notes;
     scene.bounds = bounds::bounds(&scene);
+    note_scale(&scene, &mut notes);
     check_lights(&scene, &mut notes)?;
     Ok((scene, note::summed_up(notes)))
 }
@@ -117,6 +118,45 @@ fn without_surfaces(desc: &SceneDesc, notes: &mut Vec<Note>) -> Result<CompiledS
         resolution: desc.resolution,
         max_depth: desc.max_depth,
     })
+}
+
+/// Size of a scene, the diagonal of its bounding box, below which the fixed distance by which rays
+/// start off surfaces near the origin shows.
+const SMALL_SCENE: f32 = 0.01;
+
+/// Greatest coordinate of a scene relative to its size above which the precision of its coordinates
+/// shows.
+const FAR_SCENE: f32 = 1e3;
+
+/// Notes a scene that is too small, or too far from the origin for its size.
+fn note_scale(scene: &CompiledScene, notes: &mut Vec<Note>) {
+    let [low, high] = scene.bounds;
+    let (size, extent) = (
+        (high - low).length(),
+        low.abs().max(high.abs()).max_element(),
+    );
+    if scene.primitive_count() == 0 || !size.is_finite() || size == 0.0 {
+        return;
+    }
+    let message = if extent > FAR_SCENE * size {
+        format!(
+            "the scene measures {size:.3e} units but lies up to {extent:.3e} from the origin, where \
+             single precision is too coarse for it: shadows and light may be wrong; move it to the \
+             origin"
+        )
+    } else if size < SMALL_SCENE {
+        format!(
+            "the scene measures only {size:.3e} units: rays start 1.5e-5 units off surfaces, which \
+             loses light at this size; scale it up"
+        )
+    } else {
+        return;
+    };
+    notes.push(Note {
+        file: Default::default(),
+        place: "entities".to_owned(),
+        message,
+    });
 }
 
 /// Checks the number of lights, and notes a scene that will render black.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use glam::{DVec3, Mat3, Vec2, Vec3};
+use glam::{DMat3, DVec3, Mat3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 use super::flatten::malformed;
@@ -291,6 +291,7 @@ fn add_shared_mesh(
     let mesh = entity.mesh;
     let start = scene.triangles.len();
     let mut emissive = Vec::new();
+    let mut given = Vec::new();
     let mut dropped = [0usize; 2];
     for (indices, slot) in mesh.triangles.iter().zip(&mesh.triangle_slot) {
         let indices = if key.mirrors {
@@ -318,13 +319,16 @@ fn add_shared_mesh(
                 .filter(|_| !flat)
                 .map_or(front, |n| n.normalize_or(front))
         });
+        // Tangents are computed from normals on the front side, which uniform scales preserve.
+        let placed = if key.tangents {
+            on_front_side(normals, front)
+        } else {
+            normals
+        };
+        let map = (&DMat3::IDENTITY, key.mirrors);
+        given.extend(tangents::given(mesh, indices, map, [normals, placed]));
         scene.attributes.push(TriangleAttributes {
-            // Tangents are computed from normals on the front side, which uniform scales preserve.
-            normals: if key.tangents {
-                on_front_side(normals, front)
-            } else {
-                normals
-            },
+            normals: placed,
             uvs: indices.map(|i| mesh.uvs.get(i as usize).copied().unwrap_or(Vec2::ZERO)),
             material: *slot,
             emitter,
@@ -332,7 +336,8 @@ fn add_shared_mesh(
         scene.triangles.push(points);
         corners::push(scene, mesh, indices);
     }
-    tangents::add(scene, start, key.tangents, !mesh.uvs.is_empty());
+    let needs = (key.tangents, !mesh.uvs.is_empty());
+    tangents::add(scene, start, needs, &given);
     note_dropped(dropped, entity, notes);
     SharedMesh {
         triangles: start as u32..scene.triangles.len() as u32,

@@ -96,6 +96,7 @@ pub(super) fn add_mesh(
     let world = world_positions(entity)?;
     let first = scene.triangles.len();
     let mut dropped = [0usize; 2];
+    let mut given = Vec::new();
     for (indices, slot) in mesh.triangles.iter().zip(&mesh.triangle_slot) {
         // A mirrored triangle keeps its front if its vertex order is reversed.
         let indices = if mirrors {
@@ -122,8 +123,11 @@ pub(super) fn add_mesh(
         } else {
             NONE
         };
+        let on_front = on_front_side(normals, front);
+        let map = (&to_world.matrix3, mirrors);
+        given.extend(tangents::given(mesh, indices, map, [normals, on_front]));
         scene.attributes.push(TriangleAttributes {
-            normals: on_front_side(normals, front),
+            normals: on_front,
             uvs: indices.map(|i| mesh.uvs.get(i as usize).copied().unwrap_or(Vec2::ZERO)),
             material,
             emitter,
@@ -134,7 +138,8 @@ pub(super) fn add_mesh(
     let needs_tangents = scene.attributes[first..]
         .iter()
         .any(|a| scene.uses_tangents(a.material));
-    tangents::add(scene, first, needs_tangents, !mesh.uvs.is_empty());
+    let needs = (needs_tangents, !mesh.uvs.is_empty());
+    tangents::add(scene, first, needs, &given);
     note_dropped(dropped, entity, notes);
     Ok(())
 }
@@ -183,6 +188,7 @@ fn check_arrays(mesh: &MeshDesc) -> Result<(), String> {
         ("normals", mesh.normals.len()),
         ("texture coordinates", mesh.uvs.len()),
         ("second texture coordinates", mesh.second_uvs.len()),
+        ("tangents", mesh.tangents.len()),
         ("colours", mesh.colors.len()),
     ];
     for (what, len) in attributes {

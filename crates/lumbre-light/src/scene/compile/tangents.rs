@@ -1,16 +1,23 @@
 //! Tangents in MikkTSpace, for normal maps and anisotropy.
 
 use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
-use glam::Vec4;
+use glam::{DMat3, Vec3, Vec4};
 
 use super::CompiledScene;
+use crate::scene::desc::MeshDesc;
 
-/// Computes the tangents of the triangles from `first` on, which form one mesh, if `needed` by one
-/// of their materials.
+/// Sets the tangents of the triangles from `first` on, which form one mesh, if `needed` by one of
+/// their materials: those that are `given` for the corners of each triangle, unless they are zero,
+/// and else those in MikkTSpace. `given` may be empty.
 ///
 /// Without texture coordinates there is no direction of increasing u: the tangents are zero then,
 /// and shading uses an arbitrary frame.
-pub(super) fn add(scene: &mut CompiledScene, first: usize, needed: bool, has_uvs: bool) {
+pub(super) fn add(
+    scene: &mut CompiledScene,
+    first: usize,
+    (needed, has_uvs): (bool, bool),
+    given: &[[Vec4; 3]],
+) {
     if needed || !scene.tangents.is_empty() {
         scene
             .tangents
@@ -20,6 +27,40 @@ pub(super) fn add(scene: &mut CompiledScene, first: usize, needed: bool, has_uvs
         // Infallible: its error type has no values.
         let _ = generate_tangents(&mut Mesh { scene, first });
     }
+    if needed {
+        let computed = scene.tangents[first..].as_flattened_mut().iter_mut();
+        for (tangent, given) in computed.zip(given.as_flattened()) {
+            if *given != Vec4::ZERO {
+                *tangent = *given;
+            }
+        }
+    }
+}
+
+/// Returns the tangents of a mesh at the corners of a triangle; `None` if it has none. `map` is the
+/// map of directions, which may mirror, and `normals` are those at the corners before and after they
+/// were moved to the front side.
+pub(super) fn given(
+    mesh: &MeshDesc,
+    corners: [u32; 3],
+    (map, mirrors): (&DMat3, bool),
+    [before, after]: [[Vec3; 3]; 2],
+) -> Option<[Vec4; 3]> {
+    let at = |k: usize| {
+        let t = mesh.tangents.get(corners[k] as usize)?;
+        let along = (*map * t.truncate().as_dvec3())
+            .as_vec3()
+            .normalize_or_zero();
+        // The bitangent keeps its direction.
+        let reversed = mirrors != (before[k].dot(after[k]) < 0.0);
+        let sign = if reversed { -t.w } else { t.w };
+        Some(if along == Vec3::ZERO {
+            Vec4::ZERO
+        } else {
+            along.extend(sign)
+        })
+    };
+    Some([at(0)?, at(1)?, at(2)?])
 }
 
 /// The triangles of one mesh as an input of `bevy_mikktspace`.
@@ -76,6 +117,7 @@ mod tests {
             uvs,
             colors: vec![],
             second_uvs: vec![],
+            tangents: Vec::new(),
             triangles: vec![[0, 1, 2], [0, 2, 3]],
             slots: vec!["m".to_owned()],
             triangle_slot: vec![0, 0],

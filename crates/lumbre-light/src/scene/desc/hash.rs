@@ -237,6 +237,13 @@ pub fn mesh_hash(mesh: &MeshDesc) -> [u8; 32] {
             float(&mut h, *y);
         }
     }
+    if !mesh.tangents.is_empty() {
+        h.update(b"tangents");
+        for t in &mesh.tangents {
+            vec3(&mut h, t.truncate());
+            float(&mut h, t.w);
+        }
+    }
     *h.finalize().as_bytes()
 }
 
@@ -292,6 +299,7 @@ mod tests {
             uvs: vec![],
             colors: vec![],
             second_uvs: vec![],
+            tangents: Vec::new(),
             triangles: vec![[0, 1, 2]],
             slots: vec!["m".to_owned()],
             triangle_slot: vec![0],
@@ -449,11 +457,12 @@ mod tests {
     #[test]
     fn a_mesh_hash_depends_on_every_array() {
         let base = mesh_hash(&mesh());
-        let changes: [fn(&mut MeshDesc); 8] = [
+        let changes: [fn(&mut MeshDesc); 9] = [
             |m| m.positions[0].x = 1.0,
             |m| m.normals = vec![Vec3::Z; 3],
             |m| m.uvs = vec![Vec2::ZERO; 3],
             |m| m.second_uvs = vec![Vec2::ZERO; 3],
+            |m| m.tangents = vec![glam::Vec4::X; 3],
             |m| m.colors = vec![Vec3::ONE; 3],
             |m| m.triangles[0] = [0, 2, 1],
             |m| m.slots[0] = "other".to_owned(),

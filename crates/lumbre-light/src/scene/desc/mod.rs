@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use glam::{Affine3A, DAffine3, DMat3, Vec2, Vec3};
+use glam::{Affine3A, DAffine3, DMat3, Vec2, Vec3, Vec4};
 
 pub use camera::{
     CAMERA_KIND_NAMES, CAMERA_KINDS, CameraDesc, CameraKind, Optics, VIEW_HEIGHT_RANGE,
@@ -222,6 +222,10 @@ pub struct MeshDesc {
     /// Second set of texture coordinates, one per position, or empty. Textures whose [`Lookup`]
     /// selects the second set use the first one if this is empty.
     pub second_uvs: Vec<Vec2>,
+    /// Tangents of normal maps and anisotropy, one per position, or empty: in `xyz` the unit
+    /// direction of increasing u, in `w` the sign of the bitangent `w (n x t)`, which points along
+    /// increasing v. Zero stands for a tangent in MikkTSpace, which compilation computes.
+    pub tangents: Vec<Vec4>,
     /// Linear vertex colours that multiply base colours, one per position, each channel in 0..=1;
     /// or empty.
     pub colors: Vec<Vec3>,

@@ -15,6 +15,9 @@ use crate::scene::desc::{
 /// boxes of meshes are transformed instead.
 const MAX_VISITED: usize = 1 << 24;
 
+/// Coordinate of a camera beyond which its target is farther than one unit away.
+const FAR: f64 = 1e4;
+
 /// Returns a scene of one mesh with its materials, viewed by a camera that frames it.
 pub fn scene(path: &Path, mesh: MeshDesc, materials: Vec<MaterialDesc>) -> SceneDesc {
     let name = path
@@ -102,10 +105,34 @@ pub fn framing_camera(bounds: Option<[Vec3; 2]>) -> CameraDesc {
     }
 }
 
-/// Returns smooth vertex normals: the mean of the normals of adjacent triangles, weighted by their
-/// angles at the vertex [Thürmer & Wüthrich 1998]. Vertices without a triangle of non-zero area get
-/// +y.
+/// Returns a point that a camera at `position` looks at in the unit direction `forward`: one unit
+/// away, or farther away where the coordinates of the position are too large for `f32` to represent
+/// such a difference precisely.
+pub fn target(position: DVec3, forward: DVec3) -> Vec3 {
+    let near = || (position + forward).as_vec3();
+    distant_target(position, forward).unwrap_or_else(near)
+}
+
+/// Returns the point that a camera far from the origin looks at: see [`target`]. `None` for a camera
+/// near the origin.
+pub fn distant_target(position: DVec3, forward: DVec3) -> Option<Vec3> {
+    let extent = position.abs().max_element();
+    (extent > FAR).then(|| (position + extent * forward).as_vec3())
+}
+
+/// Returns smooth vertex normals: those of [`mean_normals`], or +y.
 pub fn smooth_normals(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Vec3> {
+    mean_normals(positions, triangles)
+        .map(|n| n.unwrap_or(Vec3::Y))
+        .collect()
+}
+
+/// Returns the mean of the normals of adjacent triangles at every vertex, weighted by their angles at
+/// the vertex [Thürmer & Wüthrich 1998]; `None` if they cancel, or no triangle has an area.
+pub fn mean_normals(
+    positions: &[Vec3],
+    triangles: &[[u32; 3]],
+) -> impl Iterator<Item = Option<Vec3>> + use<> {
     let mut sums = vec![DVec3::ZERO; positions.len()];
     for corners in triangles {
         let p = corners.map(|i| positions[i as usize].as_dvec3());
@@ -118,6 +145,5 @@ pub fn smooth_normals(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Vec3> {
         }
     }
     sums.into_iter()
-        .map(|n| n.try_normalize().unwrap_or(DVec3::Y).as_vec3())
-        .collect()
+        .map(|n| n.try_normalize().map(|n| n.as_vec3()))
 }

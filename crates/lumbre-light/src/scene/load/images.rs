@@ -153,17 +153,21 @@ impl ImageCache {
     /// # Errors
     /// Fails like [`ImageCache::derived`].
     pub fn heights(&mut self, image: &Arc<TextureDesc>) -> Result<Arc<TextureDesc>, String> {
-        let is_grey = match &image.texels {
-            Texels::Rgba8(t) => t.iter().all(|[r, g, b, _]| r == g && g == b),
-            Texels::RgbaF32(t) => t.iter().all(|[r, g, b, _]| r == g && g == b),
-        };
-        if is_grey {
+        if is_grey(image) {
             return Ok(Arc::clone(image));
         }
         self.derived(image, "heights", |[r, g, b, _]| {
             let y = luminance_f32([r, g, b]);
             [y, y, y, 1.0]
         })
+    }
+}
+
+/// Returns whether all texels of an image are grey.
+pub(super) fn is_grey(image: &TextureDesc) -> bool {
+    match &image.texels {
+        Texels::Rgba8(t) => t.iter().all(|[r, g, b, _]| r == g && g == b),
+        Texels::RgbaF32(t) => t.iter().all(|[r, g, b, _]| r == g && g == b),
     }
 }
 
@@ -214,8 +218,9 @@ pub(super) fn decode(
         ),
     };
     if bytes.starts_with(&openexr::MAGIC) {
-        return decode_exr(path, &bytes).map_err(malformed);
+        return decode_exr(path, &bytes, notes).map_err(malformed);
     }
+    let bytes = with_radiance_signature(bytes);
     let budget = decode_budget(bytes.len());
     let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
@@ -260,6 +265,19 @@ pub(super) fn decode(
     Ok(TextureDesc::new(path, width, height, texels))
 }
 
+/// Signatures of Radiance HDR files: that of the format, which the decoder knows, and that of files
+/// written by `rgbe.c`, OpenCV and others.
+const RADIANCE_SIGNATURES: [&[u8]; 2] = [b"#?RADIANCE", b"#?RGBE"];
+
+/// Replaces the second signature of Radiance HDR files by the first; nothing else differs.
+fn with_radiance_signature(bytes: Vec<u8>) -> Vec<u8> {
+    let [known, other] = RADIANCE_SIGNATURES;
+    match bytes.strip_prefix(other) {
+        Some(rest) if rest.first().is_some_and(u8::is_ascii_whitespace) => [known, rest].concat(),
+        _ => bytes,
+    }
+}
+
 /// Checks that the bytes for decoding an image are available: the decoded image and its texels. A
 /// failed allocation inside a decoder would end the program.
 fn ensure_memory(width: u32, height: u32, bytes: u64) -> Result<(), String> {
@@ -273,10 +291,18 @@ fn ensure_memory(width: u32, height: u32, bytes: u64) -> Result<(), String> {
 }
 
 /// Decodes an OpenEXR image.
-fn decode_exr(path: &Path, bytes: &[u8]) -> Result<TextureDesc, String> {
+fn decode_exr(path: &Path, bytes: &[u8], notes: &mut Vec<Note>) -> Result<TextureDesc, String> {
     // A decoded pixel takes four floats.
     let max_pixels = (decode_budget(bytes.len()) / 16) as usize;
-    let (image, _) = openexr::decode(bytes, max_pixels)?;
+    let (image, one_of) = openexr::decode_texture(bytes, max_pixels)?;
+    if let Some(group) = one_of {
+        let shown: String = group.chars().take(48).collect();
+        notes.push(Note {
+            file: path.to_owned(),
+            place: "image".to_owned(),
+            message: format!("of several groups of channels only `{shown}` is used"),
+        });
+    }
     if image.width.max(image.height) > MAX_TEXTURE_SIDE {
         return Err(format!(
             "the image has {}x{} pixels",
@@ -470,6 +496,11 @@ mod tests {
         };
         assert_eq!(texels[0], [4.0, 1.0, 0.25, 1.0]);
         assert!(notes.is_empty());
+        // The signature of `rgbe.c` and others.
+        let bytes = std::fs::read(&hdr).unwrap();
+        let rest = bytes.strip_prefix(b"#?RADIANCE").unwrap();
+        std::fs::write(&hdr, [b"#?RGBE", rest].concat()).unwrap();
+        assert_eq!(load(&hdr, &mut notes).unwrap().content_hash, t.content_hash);
         let deep = dir.path().join("deep.png");
         image::ImageBuffer::<image::Luma<u16>, _>::from_pixel(1, 1, image::Luma([65535u16]))
             .save(&deep)

@@ -19,6 +19,7 @@ pub mod openexr;
 mod packed;
 mod pbrt;
 mod ply;
+mod polygon;
 mod scn;
 mod spectrum;
 mod unknown;

@@ -1,14 +1,14 @@
 //! OpenEXR files: any compression that the `exr` crate supports; half, float or integer samples,
 //! tiles and alpha.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Cursor;
 
 use exr::math::Vec2;
 use exr::meta::BlockDescription;
 use exr::meta::attribute::AttributeValue;
 use exr::meta::header::Header;
-use exr::prelude::{MetaData, ReadChannels, ReadLayers, read};
+use exr::prelude::{FlatImage, MetaData, ReadChannels, ReadLayers, read};
 
 use crate::film::Image;
 
@@ -36,15 +36,7 @@ pub fn decode_channels(
     groups: &[&str],
 ) -> Result<Vec<Image>, String> {
     check_sizes(bytes, max_pixels)?;
-    let file = read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .all_layers()
-        .all_attributes()
-        .non_parallel()
-        .from_buffered(Cursor::new(bytes))
-        .map_err(|e| e.to_string())?;
+    let file = read_layers(bytes)?;
     let mut channels = BTreeMap::new();
     for layer in &file.layer_data {
         let prefix = layer
@@ -89,6 +81,90 @@ pub fn decode_channels(
         Ok(image)
     };
     groups.iter().map(image).collect()
+}
+
+/// Reads all channels of all layers.
+fn read_layers(bytes: &[u8]) -> Result<FlatImage, String> {
+    read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .all_layers()
+        .all_attributes()
+        .non_parallel()
+        .from_buffered(Cursor::new(bytes))
+        .map_err(|e| e.to_string())
+}
+
+/// Names of a single channel of grey values.
+const GREY: [&str; 3] = ["Y", "y", "L"];
+
+/// Decodes the colours of a texture: the first layer with channels R, G and B, else the first group of
+/// channels with such names, such as `diffuse.R`, else a channel Y or the only channel, which is grey.
+/// Also returns the name of the group if there are others beside it.
+///
+/// # Errors
+/// Returns a message for data that is not an EXR with such channels, is damaged, or has more than
+/// `max_pixels`.
+pub fn decode_texture(bytes: &[u8], max_pixels: usize) -> Result<(Image, Option<String>), String> {
+    let problem = match decode(bytes, max_pixels) {
+        Ok((image, _)) => return Ok((image, None)),
+        Err(problem) => problem,
+    };
+    check_sizes(bytes, max_pixels)?;
+    let file = read_layers(bytes).map_err(|_| problem.clone())?;
+    for layer in &file.layer_data {
+        let list = &layer.channel_data.list;
+        let names: Vec<String> = list.iter().map(|c| c.name.to_string()).collect();
+        let Some((group, channels)) = colors_of(&names) else {
+            continue;
+        };
+        let mut image = Image::new(layer.size.0 as u32, layer.size.1 as u32);
+        for (c, channel) in channels.into_iter().enumerate() {
+            let values = list[channel].sample_data.values_as_f32();
+            let pixels = image.data.iter_mut();
+            pixels.zip(values).for_each(|(pixel, x)| pixel[c] = x);
+        }
+        let others = names.iter().any(|name| group_of(name) != group);
+        return Ok((image, others.then_some(group)));
+    }
+    Err(problem)
+}
+
+/// Returns the group of a channel: what precedes its last dot.
+fn group_of(name: &str) -> &str {
+    name.rsplit_once('.').map_or("", |(group, _)| group)
+}
+
+/// Returns the channels of a layer that are the colours of a texture, and their group.
+fn colors_of(names: &[String]) -> Option<(String, [usize; 3])> {
+    let groups: BTreeSet<&str> = names.iter().map(|name| group_of(name)).collect();
+    let index = |group: &str, component: &str| {
+        let name = match group {
+            "" => component.to_owned(),
+            _ => format!("{group}.{component}"),
+        };
+        names.iter().position(|n| *n == name)
+    };
+    for group in &groups {
+        for components in [["R", "G", "B"], ["r", "g", "b"]] {
+            if let [Some(r), Some(g), Some(b)] = components.map(|name| index(group, name)) {
+                return Some(((*group).to_owned(), [r, g, b]));
+            }
+        }
+    }
+    for group in &groups {
+        // Luminance beside chroma is no grey.
+        let chroma = ["RY", "BY"].iter().any(|name| index(group, name).is_some());
+        let grey = GREY.iter().find_map(|name| index(group, name));
+        if let Some(grey) = grey.filter(|_| !chroma) {
+            return Some(((*group).to_owned(), [grey; 3]));
+        }
+    }
+    match names {
+        [only] => Some((group_of(only).to_owned(), [0; 3])),
+        _ => None,
+    }
 }
 
 /// Maximum size of an uncompressed block, tile or rows, that is larger than its whole layer, in bytes:
@@ -177,7 +253,10 @@ pub fn decode(
 
 #[cfg(test)]
 mod tests {
-    use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage};
+    use exr::prelude::{
+        AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes,
+        SpecificChannels, WritableImage,
+    };
 
     use super::*;
 
@@ -195,6 +274,43 @@ mod tests {
             .to_buffered(&mut file)
             .unwrap();
         file.into_inner()
+    }
+
+    /// Returns a file of two pixels with these channels, each of one value.
+    fn channels(channels: &[(&str, f32)]) -> Vec<u8> {
+        let list = channels
+            .iter()
+            .map(|(name, value)| AnyChannel::new(*name, FlatSamples::F32(vec![*value; 2])));
+        let channels = AnyChannels::sort(list.collect());
+        let attributes = LayerAttributes::default();
+        let layer = Layer::new((2, 1), attributes, Encoding::FAST_LOSSLESS, channels);
+        let mut file = Cursor::new(Vec::new());
+        let image = Image::from_layer(layer);
+        image.write().to_buffered(&mut file).unwrap();
+        file.into_inner()
+    }
+
+    #[test]
+    fn textures_have_colours_of_any_layer_or_one_grey_channel() {
+        let read = |list: &[(&str, f32)]| {
+            let (image, others) = decode_texture(&channels(list), 2).unwrap();
+            assert_eq!(image.data[0], image.data[1]);
+            (image.data[0], others)
+        };
+        assert_eq!(read(&[("Y", 0.4)]), ([0.4; 3], None));
+        assert_eq!(read(&[("Y", 0.4), ("A", 1.0)]), ([0.4; 3], None));
+        assert_eq!(read(&[("height", 2.0)]), ([2.0; 3], None));
+        assert_eq!(read(&[("depth.Z", 3.0)]), ([3.0; 3], None));
+        let colors = [("skin.R", 0.1), ("skin.G", 0.2), ("skin.B", 0.3)];
+        assert_eq!(read(&colors), ([0.1, 0.2, 0.3], None));
+        let with = [&colors[..], &[("wear.Y", 0.5)]].concat();
+        assert_eq!(read(&with), ([0.1, 0.2, 0.3], Some("skin".to_owned())));
+        for refused in [
+            &[("Y", 0.4), ("RY", 0.0), ("BY", 0.0)][..],
+            &[("u", 0.0), ("v", 1.0)],
+        ] {
+            assert!(decode_texture(&channels(refused), 2).is_err());
+        }
     }
 
     #[test]

@@ -2,8 +2,8 @@
 //!
 //! Supported are the element `vertex` with `x y z`, normals `nx ny nz`, texture coordinates (`u v`,
 //! `s t`, or `texture_u texture_v`) and colours `red green blue`, and the element `face` with its
-//! list of vertex indices; polygons are triangulated as fans from their first vertex. All other
-//! elements and properties are skipped. The front of a face is the side to which its normals point;
+//! list of vertex indices; polygons are triangulated, convex ones as fans from their first vertex. All
+//! other elements and properties are skipped, with a note. The front of a face is the side to which its normals point;
 //! without normals, the side from which its vertices run counter-clockwise. Integer colours are
 //! decoded from sRGB, as programs that scan and paint meshes display them; floats are linear.
 
@@ -14,10 +14,11 @@ pub(super) use self::supported::SUPPORTED;
 
 use std::path::Path;
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 use self::source::{NumberStream, NumberType};
 use super::default_scene;
+use super::polygon::Triangulator;
 use super::{MissingTextures, read_file};
 use crate::scene::compile::srgb_to_linear;
 use crate::scene::desc::{DEFAULT_MATERIAL, MaterialDesc, MeshDesc, SceneDesc, mesh_hash};
@@ -93,6 +94,7 @@ pub(super) fn decode_mesh(
         uvs: Vec::new(),
         colors: Vec::new(),
         second_uvs: Vec::new(),
+        tangents: Vec::new(),
         triangles: Vec::new(),
         slots: vec![slot.to_owned()],
         triangle_slot: Vec::new(),
@@ -109,8 +111,30 @@ pub(super) fn decode_mesh(
     for element in &elements {
         match element.name.as_str() {
             "vertex" => vertices(element, &mut source, &mut mesh).map_err(fail)?,
-            "face" => faces(element, &mut source, &mut mesh).map_err(fail)?,
-            _ => element.skip(&mut source).map_err(fail)?,
+            "face" => {
+                let fans = faces(element, &mut source, &mut mesh).map_err(fail)?;
+                if fans > 0 {
+                    note(&format!(
+                        "concave polygons whose edges intersect, or too many to triangulate \
+                         otherwise, are fans, which cover too much: {fans}"
+                    ));
+                }
+            }
+            other => {
+                element.skip(&mut source).map_err(fail)?;
+                if element.count > 0 {
+                    note(&format!(
+                        "the element `{}` is not supported; ignored",
+                        truncated(other)
+                    ));
+                }
+            }
+        }
+        if let Some(names) = unsupported_properties(element) {
+            note(&format!(
+                "properties of `{}` that are not supported: {names}; ignored",
+                element.name
+            ));
         }
     }
     let count = mesh.positions.len();
@@ -289,23 +313,62 @@ fn vertices(
     Ok(())
 }
 
-/// Reads all faces, triangulated as fans.
+/// Properties that say nothing about the surface.
+const MEASUREMENTS: [&str; 6] = [
+    "confidence",
+    "intensity",
+    "quality",
+    "flags",
+    "face_indices",
+    "texnumber",
+];
+
+/// Returns the names of the properties of vertices or faces that are not supported; `None` if there
+/// are none.
+fn unsupported_properties(element: &Element) -> Option<String> {
+    let supported = |name: &str| match element.name.as_str() {
+        "vertex" => PROPERTIES.iter().any(|names| names.contains(&name)),
+        "face" => CORNERS.contains(&name),
+        _ => true,
+    };
+    let mut names: Vec<String> = element
+        .properties
+        .iter()
+        .map(|p| p.name.as_str())
+        .filter(|name| !supported(name) && !MEASUREMENTS.contains(name))
+        .map(|name| format!("`{}`", truncated(name)))
+        .collect();
+    names.truncate(MAX_LISTED);
+    (!names.is_empty()).then(|| names.join(", "))
+}
+
+/// Returns the beginning of a name, for messages.
+fn truncated(name: &str) -> String {
+    name.chars().take(24).collect()
+}
+
+/// Names of the list of vertex indices of a face.
+const CORNERS: [&str; 2] = ["vertex_indices", "vertex_index"];
+
+/// Greatest number of properties that a note lists.
+const MAX_LISTED: usize = 8;
+
+/// Reads all faces, triangulated. Returns the number of concave ones that became fans.
 fn faces(
     element: &Element,
     source: &mut NumberStream,
     mesh: &mut MeshDesc,
-) -> Result<(), PlyError> {
+) -> Result<usize, PlyError> {
     element.check(source)?;
-    let is_corners = |p: &Property| {
-        p.length.is_some() && ["vertex_indices", "vertex_index"].contains(&p.name.as_str())
-    };
+    let is_corners = |p: &Property| p.length.is_some() && CORNERS.contains(&p.name.as_str());
     let Some(corners) = element.properties.iter().position(is_corners) else {
         return Err((
             "element face".to_owned(),
             "expected a list named vertex_indices".to_owned(),
         ));
     };
-    let mut polygon = Vec::new();
+    let mut polygon: Vec<u32> = Vec::new();
+    let mut triangulator = Triangulator::default();
     for i in 0..element.count {
         for (k, property) in element.properties.iter().enumerate() {
             let done = match property.length {
@@ -319,13 +382,24 @@ fn faces(
             };
             done.map_err(|e| element.error(i, source, e))?;
         }
+        // Vertices may follow the faces, which are fans then.
+        let at = |i: &u32| Some(mesh.positions.get(*i as usize)?.as_dvec3());
+        let points: Option<Vec<DVec3>> = match polygon.len() {
+            0..=3 => None,
+            _ => polygon.iter().map(at).collect(),
+        };
+        if let Some(ears) = points.and_then(|points| triangulator.ears(&points)) {
+            let corners = ears.iter().map(|ear| ear.map(|k| polygon[k]));
+            mesh.triangles.extend(corners);
+            continue;
+        }
         let fan = polygon
             .windows(2)
             .skip(1)
             .map(|pair| [polygon[0], pair[0], pair[1]]);
         mesh.triangles.extend(fan);
     }
-    Ok(())
+    Ok(triangulator.fans)
 }
 
 /// Reads the header; returns its elements and the stream of numbers that follows.

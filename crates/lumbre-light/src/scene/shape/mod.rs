@@ -11,7 +11,7 @@ mod solid;
 
 use std::path::PathBuf;
 
-use glam::{Affine3A, Vec2, Vec3};
+use glam::{Affine3A, Vec2, Vec3, Vec4};
 
 pub use curve::{lathe, torus, tube};
 pub use extrusion::extrude;
@@ -34,8 +34,8 @@ impl ShapeError {
     }
 }
 
-/// An indexed triangle mesh. Normals, both sets of texture coordinates and colours have one element
-/// for each position, or are empty.
+/// An indexed triangle mesh. Normals, both sets of texture coordinates, tangents and colours have one
+/// element for each position, or are empty.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shape {
     /// Vertex positions in scene units.
@@ -46,6 +46,8 @@ pub struct Shape {
     pub uvs: Vec<Vec2>,
     /// Second set of texture coordinates, or empty.
     pub second_uvs: Vec<Vec2>,
+    /// Tangents of normal maps, or empty: see [`MeshDesc::tangents`].
+    pub tangents: Vec<Vec4>,
     /// Linear colours that multiply base colours, or empty.
     pub colors: Vec<Vec3>,
     /// Vertex indices of the corners, counter-clockwise seen from the front.
@@ -70,6 +72,7 @@ impl Shape {
             ("normals", self.normals.len()),
             ("uvs", self.uvs.len()),
             ("second_uvs", self.second_uvs.len()),
+            ("tangents", self.tangents.len()),
             ("colors", self.colors.len()),
         ];
         for (what, found) in lists {
@@ -132,6 +135,11 @@ impl Shape {
         self.normals
             .iter_mut()
             .for_each(|n| *n = (normal * *n).normalize_or(*n));
+        let sign = determinant.signum();
+        self.tangents.iter_mut().for_each(|t| {
+            let along = (map.matrix3 * t.truncate()).normalize_or_zero();
+            *t = along.extend(sign * t.w);
+        });
         if determinant < 0.0 {
             self.triangles.iter_mut().for_each(|t| t.swap(1, 2));
         }
@@ -177,6 +185,12 @@ impl Shape {
                     .resize(lacking.positions.len(), Vec2::ZERO);
             }
         }
+        if self.tangents.is_empty() != other.tangents.is_empty() {
+            // Zero stands for a tangent that is computed.
+            [&mut *self, &mut other]
+                .into_iter()
+                .for_each(|shape| shape.tangents.resize(shape.positions.len(), Vec4::ZERO));
+        }
         if self.colors.is_empty() != other.colors.is_empty() {
             [&mut *self, &mut other]
                 .into_iter()
@@ -187,6 +201,7 @@ impl Shape {
         self.normals.append(&mut other.normals);
         self.uvs.append(&mut other.uvs);
         self.second_uvs.append(&mut other.second_uvs);
+        self.tangents.append(&mut other.tangents);
         self.colors.append(&mut other.colors);
         self.triangles
             .extend(other.triangles.iter().map(|t| t.map(|c| c + first)));
@@ -203,6 +218,7 @@ impl Shape {
         self.positions = at_corners(&self.positions, &corners);
         self.uvs = at_corners(&self.uvs, &corners);
         self.second_uvs = at_corners(&self.second_uvs, &corners);
+        self.tangents = at_corners(&self.tangents, &corners);
         self.colors = at_corners(&self.colors, &corners);
         self.normals = self
             .positions
@@ -223,6 +239,7 @@ impl Shape {
             normals: self.normals,
             uvs: self.uvs,
             second_uvs: self.second_uvs,
+            tangents: self.tangents,
             colors: self.colors,
             triangles: self.triangles,
             slots: vec![slot.to_owned()],

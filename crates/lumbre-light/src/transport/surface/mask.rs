@@ -45,6 +45,21 @@ pub fn coverage(textures: &[Texture], m: &Material, uv: Uv) -> f32 {
     }
 }
 
+/// Returns whether a material's mask accepts hits with a probability between 0 and 1.
+pub fn has_fractional_mask(m: &Material) -> bool {
+    m.mask_texture != NONE && m.mask_mode == MaskMode::Blend
+}
+
+/// Returns the probability with which the mask of the hit material accepted a hit of `ray`.
+pub fn acceptance(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> f32 {
+    let m = &scene.materials[scene.material_of(hit.primitive, hit.instance) as usize];
+    if has_fractional_mask(m) {
+        coverage(&scene.textures, m, uv_at(scene, ray, hit))
+    } else {
+        1.0
+    }
+}
+
 /// Returns whether the mask of the hit material leaves a hole at the hit.
 ///
 /// In blend mode a hash of the ray and of the primitive decides, so that the same ray always finds

@@ -7,7 +7,7 @@ use glam::Vec3;
 use lumbre_light::film::Film;
 use lumbre_light::math::stats::sidak;
 use lumbre_light::math::t_test::two_sided_p;
-use lumbre_light::scene::compile::{Material, Model, Texture};
+use lumbre_light::scene::compile::{MaskMode, Material, Model, Texture};
 use lumbre_light::scene::desc::{CameraKind, ConeDesc, ConeEdge};
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL, SamplerRow};
@@ -17,7 +17,7 @@ use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 use crate::common::{SceneBuilder, WHITE, grey, job, light, render, timing};
 use crate::render::agreement::Technique;
 use crate::render::consistent_fixtures::{
-    GLASS, SIGNIFICANCE, SMALL, agree_with, assert_close, boxed, column, constant_job, label,
+    GLASS, SIDE, SIGNIFICANCE, SMALL, agree_with, assert_close, boxed, column, constant_job, label,
     mean_and_error, panel, polished, spread, stage, techniques, varied,
 };
 
@@ -64,6 +64,43 @@ fn they_agree_on_glossy_metal_and_plastic() {
             ..grey(0.8)
         };
         agree_with("nee", &panel(boxed(ball)), 5, 6000);
+    }
+}
+
+#[test]
+fn they_agree_on_masks_with_values_between_0_and_1() {
+    let mut scene = stage(WHITE);
+    let faint = |scene: &mut SceneBuilder, value: f32| Material {
+        mask_texture: scene.texture(Texture::new(1, 1, vec![[value; 3]])),
+        mask_mode: MaskMode::Blend,
+        ..grey(0.8)
+    };
+    // A sheet over the floor, and a ball, whose mask decides at both crossings.
+    let (sheet, ball) = (faint(&mut scene, 0.25), faint(&mut scene, 0.6));
+    let corner = Vec3::new(-1.5, 0.3, 1.5);
+    let scene = scene
+        .quad(corner, Vec3::X * 3.0, Vec3::Z * -3.0, sheet)
+        .sphere(Vec3::new(0.9, 0.8, 0.2), 0.4, ball)
+        .quad(Vec3::new(-0.5, 2.0, -0.5), Vec3::X, Vec3::Z, light(8.0))
+        .build();
+    let truth_job = Job {
+        integrator: integrator("nee").unwrap(),
+        ..job([SIDE; 2], 4, 99)
+    };
+    let truth = spread(&scene, &truth_job, 12, 96);
+    let least = 0.25 * mean_and_error(&column(&truth, 0)).0;
+    for technique in techniques() {
+        let found = spread(
+            &scene,
+            &constant_job(&technique, SIDE, 4, SMALL, 12_000),
+            12,
+            24,
+        );
+        for place in 0..5 {
+            let (found, truth) = (column(&found, place), column(&truth, place));
+            let what = format!("{}, place {place}", label(&technique));
+            assert_close(&what, &found, &truth, least, 5 * techniques().len());
+        }
     }
 }
 

@@ -34,6 +34,7 @@ fn mesh(
         uvs: positions.iter().map(|p| Vec2::new(p.x, p.y)).collect(),
         colors: positions.iter().map(|p| p.abs().fract()).collect(),
         second_uvs: Vec::new(),
+        tangents: Vec::new(),
         positions,
         normals,
         triangle_slot: (0..triangles.len() as u32)

@@ -205,6 +205,7 @@ fn octahedron(normals: bool) -> Arc<MeshDesc> {
             .collect(),
         colors: vec![],
         second_uvs: vec![],
+        tangents: vec![],
         triangles: (0..8_u32)
             .map(|i| {
                 let corner = |axis: u32| axis + if i >> axis & 1 == 0 { 0 } else { 3 };

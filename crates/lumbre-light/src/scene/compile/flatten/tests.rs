@@ -14,6 +14,7 @@ fn mesh(positions: Vec<Vec3>, normals: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> A
         uvs: vec![],
         colors: vec![],
         second_uvs: vec![],
+        tangents: Vec::new(),
         triangle_slot: vec![0; triangles.len()],
         triangles,
         slots: vec!["m".to_owned()],
@@ -355,4 +356,23 @@ fn inconsistent_meshes_and_far_points_are_errors() {
         ))
         .is_err()
     );
+}
+
+#[test]
+fn scenes_too_small_or_too_far_for_single_precision_are_noted() {
+    let notes = |scale: f32, offset: f32| {
+        let placed = Transform {
+            scale: Vec3::splat(scale),
+            translate: Vec3::Z * offset,
+            ..Transform::default()
+        };
+        let (_, notes) = compile(&scene(vec![(triangle(), placed)], light())).unwrap();
+        let messages: Vec<String> = notes.into_iter().map(|n| n.message).collect();
+        messages.join("\n")
+    };
+    assert_eq!(notes(1.0, 0.0), "");
+    assert_eq!(notes(1.0, 500.0), "");
+    assert_eq!(notes(1e6, 1e6), "");
+    assert!(notes(1e-5, 0.0).contains("measures only 1.414e-5"));
+    assert!(notes(1.0, 1e5).contains("1.000e5 from the origin"));
 }

@@ -37,7 +37,7 @@ use glam::Vec3;
 use serde_json::Value as Json;
 
 use super::images::ImageCache;
-use super::obj::{Front, load_mesh};
+use super::obj::{Front, Smoothing, load_mesh};
 use super::scn::reader::{Diagnostics, JsonObject, describe, truncated};
 use super::{MissingTextures, read_file, scn, with_lenient_hint};
 use crate::scene::desc::{
@@ -408,7 +408,7 @@ impl FolderLoader<'_> {
                 let read = load_mesh(
                     &path,
                     DEFAULT_MATERIAL,
-                    Front::CounterClockwise,
+                    (Front::CounterClockwise, Smoothing::Groups),
                     &mut self.diagnostics.notes,
                 );
                 let mesh = Arc::new(read.map_err(|e| self.diagnostics.at_reference(&at, e))?);

@@ -1,6 +1,8 @@
 //! glTF materials: metallic-roughness, with the extensions that have a parameter in the Disney
 //! model.
 
+mod thin;
+
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -14,6 +16,7 @@ use crate::scene::desc::{
 };
 use crate::scene::load::images::ImageCache;
 use crate::scene::load::{MissingTextures, with_lenient_hint};
+use crate::scene::names::UniqueNames;
 use crate::scene::{Note, SceneError};
 
 /// Material extensions that are supported, entirely or in part.
@@ -32,6 +35,8 @@ const SUPPORTED_EXTENSIONS: &[&str] = &[
 pub(super) struct LoadedMaterial {
     /// The material without a mesh.
     pub desc: MaterialDesc,
+    /// Materials of which it is composed.
+    pub parts: Vec<MaterialDesc>,
     /// Texture coordinate sets that meshes with this material must provide.
     pub uv_sets: UvSets,
 }
@@ -46,6 +51,8 @@ pub(super) struct UvSets {
     pub map: Affine2,
     /// Number of the set that becomes the mesh's second set.
     pub second: Option<u64>,
+    /// Whether shading needs tangents, which meshes may provide.
+    pub tangents: bool,
 }
 
 /// Coordinate set of a texture, and the map from it to image coordinates; both start at the top
@@ -85,11 +92,17 @@ impl<'a> MaterialReader<'a> {
     }
 
     /// Reads the material of an index. `name` is its unique name.
-    pub fn read(&mut self, i: usize, name: String) -> Result<LoadedMaterial, SceneError> {
+    pub fn read(
+        &mut self,
+        i: usize,
+        name: String,
+        names: &mut UniqueNames,
+    ) -> Result<LoadedMaterial, SceneError> {
         let m = self.document.at("materials", i).clone();
         let place = format!("materials[{i}]");
         let mut loaded = LoadedMaterial {
             desc: MaterialDesc::new(&name),
+            parts: Vec::new(),
             uv_sets: UvSets::default(),
         };
         let d = &mut loaded.desc;
@@ -125,6 +138,9 @@ impl<'a> MaterialReader<'a> {
             self.note(&place, format!("the extension `{shown}` is not supported"));
         }
         self.textures(&place, &m, &mut loaded)?;
+        let d = &loaded.desc;
+        loaded.uv_sets.tangents = d.texture(TextureSlot::Normal).is_some() || d.anisotropic > 0.0;
+        self.thin_walls(&place, &m, &mut loaded, names)?;
         Ok(loaded)
     }
 
@@ -257,7 +273,7 @@ impl<'a> MaterialReader<'a> {
             loaded.uv_sets = UvSets {
                 first: placement.set,
                 map: placement.map,
-                second: None,
+                ..UvSets::default()
             };
         }
         let mut mapped = [const { None }; 6];
@@ -440,9 +456,36 @@ impl<'a> MaterialReader<'a> {
         };
         // Flipping v leaves every wrap mode unchanged.
         let wraps = [wrap("wrapS"), wrap("wrapT")];
+        if texture["source"].is_null() {
+            return self.without_source(&place, &texture).map(|()| None);
+        }
         Ok(self
             .image(&place, &texture["source"])?
             .map(|image| (image, wraps, filter)))
+    }
+
+    /// Notes a texture without `source`: one whose image only an extension gives is unreadable.
+    fn without_source(&mut self, place: &str, texture: &Json) -> Result<(), SceneError> {
+        let extensions = texture["extensions"].as_object();
+        let given = extensions
+            .into_iter()
+            .flatten()
+            .find(|(_, e)| e["source"].is_u64());
+        let Some((name, _)) = given else {
+            self.note(place, "the texture has no image; it is ignored");
+            return Ok(());
+        };
+        let name: String = name.chars().take(48).collect();
+        let problem =
+            format!("only the extension `{name}`, which is not supported, gives its image");
+        if self.missing == MissingTextures::Fail {
+            return Err(with_lenient_hint(self.document.error(place, problem)));
+        }
+        self.note(
+            place,
+            format!("{problem}; the material's constant value is used"),
+        );
+        Ok(())
     }
 
     /// Returns a grey image computed from every texel, with channels as stored, from 0 to 1. `how`

@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use glam::{Affine2, DVec3, Vec2, Vec3};
+use glam::{Affine2, DVec3, Vec2, Vec3, Vec4};
 use serde_json::Value as Json;
 
 use super::document::Document;
 use super::material::UvSets;
 use super::{GltfLoader, list};
 use crate::scene::SceneError;
-use crate::scene::desc::{DEFAULT_MATERIAL, MeshDesc, mesh_hash};
+use crate::scene::desc::{MeshDesc, mesh_hash};
 use crate::scene::shape::Shape;
 
 /// Vertex attributes of a primitive as flat lists of numbers. An attribute that it lacks is empty.
@@ -19,6 +19,7 @@ struct Attributes {
     normals: Rc<Vec<f64>>,
     uvs: Rc<Vec<f64>>,
     second_uvs: Rc<Vec<f64>>,
+    tangents: Rc<Vec<f64>>,
     colors: Rc<Vec<f64>>,
     /// Numbers per colour: 3, or 4 with alpha.
     color_width: usize,
@@ -48,6 +49,12 @@ impl Attributes {
             Some(set) => vectors(&format!("TEXCOORD_{set}"), 2)?,
             None => Rc::default(),
         };
+        // Tangents of flat triangles are ignored, as the format specifies.
+        let tangents = if uv_sets.tangents && !normals.is_empty() {
+            vectors("TANGENT", 4)?
+        } else {
+            Rc::default()
+        };
         let color_width = match &attributes["COLOR_0"] {
             Json::Null => 3,
             index => {
@@ -65,6 +72,7 @@ impl Attributes {
             normals.len() / 3,
             uvs.len() / 2,
             second_uvs.len() / 2,
+            tangents.len() / 4,
             colors.len() / color_width,
         ];
         if counts.into_iter().any(|n| n != 0 && n != count) {
@@ -75,6 +83,7 @@ impl Attributes {
             normals,
             uvs,
             second_uvs,
+            tangents,
             colors,
             color_width,
         })
@@ -92,6 +101,7 @@ impl Attributes {
             &self.normals,
             &self.uvs,
             &self.second_uvs,
+            &self.tangents,
             &self.colors,
         ];
         let numbers: usize = lists.iter().map(|list| list.len()).sum();
@@ -148,7 +158,7 @@ impl GltfLoader<'_> {
         }
         self.note_unsupported(place, primitive);
         let (slot, uv_sets) = match &primitive["material"] {
-            Json::Null => (DEFAULT_MATERIAL.to_owned(), UvSets::default()),
+            Json::Null => (self.default_material(), UvSets::default()),
             index => {
                 self.materials_by_index[&document.resolve(place, "materials", index)?.0].clone()
             }
@@ -175,6 +185,10 @@ impl GltfLoader<'_> {
             normals: vec3s(&attributes.normals),
             uvs: uvs(&attributes.uvs, uv_sets.map),
             second_uvs: uvs(&attributes.second_uvs, Affine2::IDENTITY),
+            tangents: select::<4>(&attributes.tangents, &used)
+                .iter()
+                .map(tangent)
+                .collect(),
             colors,
             triangles: triangles(mode, &indices),
         };
@@ -285,6 +299,14 @@ fn strip(indices: &[u32]) -> Vec<[u32; 3]> {
         }
     };
     indices.windows(3).enumerate().map(oriented).collect()
+}
+
+/// Returns a unit tangent and the sign of its bitangent; zero if it has no direction.
+fn tangent(t: &[f64; 4]) -> Vec4 {
+    let sign = if t[3] < 0.0 { -1.0 } else { 1.0 };
+    vec3(t)
+        .try_normalize()
+        .map_or(Vec4::ZERO, |along| along.extend(sign))
 }
 
 /// Returns a vector of three numbers, rounded to `f32`.

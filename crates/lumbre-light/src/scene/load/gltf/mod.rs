@@ -25,8 +25,8 @@ use self::material::{MaterialReader, UvSets};
 use super::default_scene;
 use super::{MissingTextures, scn};
 use crate::scene::desc::{
-    CameraDesc, CameraKind, ConeDesc, ConeEdge, EntityDesc, LightDesc, LightKind, MaterialDesc,
-    MeshDesc, Optics, SceneDesc, ShapeDesc, Transform, VIEW_HEIGHT_RANGE,
+    CameraDesc, CameraKind, ConeDesc, ConeEdge, DEFAULT_MATERIAL, EntityDesc, LightDesc, LightKind,
+    MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Transform, VIEW_HEIGHT_RANGE,
 };
 use crate::scene::names::UniqueNames;
 use crate::scene::{Note, SceneError};
@@ -66,6 +66,7 @@ pub(super) fn load(
         document: &document,
         materials: Vec::new(),
         materials_by_index: BTreeMap::new(),
+        default_material: None,
         meshes: BTreeMap::new(),
         entities: Vec::new(),
         lights: Vec::new(),
@@ -92,7 +93,7 @@ pub(super) fn load(
         environment: None,
     };
     notes.append(&mut loader.notes);
-    Ok((desc.with_default_material(true), notes))
+    Ok((desc, notes))
 }
 
 /// State while a document is loaded.
@@ -101,6 +102,8 @@ struct GltfLoader<'a> {
     materials: Vec<MaterialDesc>,
     /// Name and texture coordinate sets of each material, by its index in the document.
     materials_by_index: BTreeMap<usize, (String, UvSets)>,
+    /// Name of the material of primitives without one.
+    default_material: Option<String>,
     meshes: BTreeMap<usize, Option<Arc<MeshDesc>>>,
     entities: Vec<EntityDesc>,
     lights: Vec<LightDesc>,
@@ -165,11 +168,27 @@ impl GltfLoader<'_> {
         let mut reader = MaterialReader::new(document, missing, notes);
         for i in 0..document.count("materials") {
             let name = self.name(&document.at("materials", i)["name"], "material");
-            let loaded = reader.read(i, name.clone())?;
+            let loaded = reader.read(i, name.clone(), &mut self.names)?;
             self.materials_by_index.insert(i, (name, loaded.uv_sets));
+            self.materials.extend(loaded.parts);
             self.materials.push(loaded.desc);
         }
         Ok(())
+    }
+
+    /// Returns the name of the material of primitives without one: that of an empty object, a rough
+    /// white metal.
+    fn default_material(&mut self) -> String {
+        if let Some(name) = &self.default_material {
+            return name.clone();
+        }
+        let name = self.names.allocate(DEFAULT_MATERIAL);
+        self.materials.push(MaterialDesc {
+            metallic: 1.0,
+            ..MaterialDesc::new(&name)
+        });
+        self.default_material = Some(name.clone());
+        name
     }
 
     /// Loads the nodes of the default scene, or all root nodes if the document has no scenes.
@@ -279,9 +298,11 @@ impl GltfLoader<'_> {
         };
         let axis = |v: DVec3| world.transform_vector3(v).normalize_or(v).as_vec3();
         let position = world.translation.as_vec3();
+        let forward = axis(DVec3::NEG_Z);
+        let target = default_scene::distant_target(world.translation, forward.as_dvec3());
         self.camera = Some(CameraDesc {
             position,
-            target: position + axis(DVec3::NEG_Z),
+            target: target.unwrap_or(position + forward),
             up: axis(DVec3::Y),
             ..view
         });

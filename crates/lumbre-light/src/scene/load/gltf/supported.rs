@@ -21,13 +21,19 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
         limits: "ignored; every node has its static transform",
     },
     SupportedElement {
+        name: "primitives without `material`",
+        support: "a rough white metal, the material of an empty object",
+        limits: "",
+    },
+    SupportedElement {
         name: "`meshes`",
         support: "`primitives` of triangles, strips and fans",
         limits: "points and lines are left out, with a note",
     },
     SupportedElement {
-        name: "`POSITION`, `NORMAL`",
-        support: "positions; normals, without which triangles are flat",
+        name: "`POSITION`, `NORMAL`, `TANGENT`",
+        support: "positions; normals, without which triangles are flat; tangents of normal maps and \
+                  anisotropy, without which they are computed in MikkTSpace",
         limits: "",
     },
     SupportedElement {
@@ -116,8 +122,11 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`KHR_materials_transmission`",
-        support: "`transmissionFactor` and `transmissionTexture`: one minus the opacity",
-        limits: "",
+        support: "`transmissionFactor` and `transmissionTexture`: thin walls of smooth glass, which do not \
+                  bend light; glass that refracts with a `thicknessFactor` of \
+                  `KHR_materials_volume`",
+        limits: "the roughness of thin walls is noted; thin walls that emit and transmit partly \
+                 refract, with a note",
     },
     SupportedElement {
         name: "`KHR_materials_diffuse_transmission`",
@@ -151,6 +160,12 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
         support: "`offset`, `rotation`, `scale` and `texCoord` of every texture",
         limits: "a material whose first texture has scale 0 cannot have others mapped differently; \
                  noted",
+    },
+    SupportedElement {
+        name: "`textures`",
+        support: "`source`",
+        limits: "images that only an extension gives, such as `KHR_texture_basisu`, are errors, or \
+                 with `--lenient` notes",
     },
     SupportedElement {
         name: "`samplers`",

@@ -23,6 +23,9 @@ use crate::scene::{Note, SceneError};
 /// Greatest nesting depth of surfaces.
 const MAX_NESTING: usize = 8;
 
+/// Alpha to which Mitsuba 3 raises smaller ones.
+const LEAST_ALPHA: f64 = 1e-4;
+
 /// Converts a surface to a material with the given name, which is returned last, after the parts of
 /// which it is composed. `two_sided` is set inside of `twosided`.
 pub(super) fn read(
@@ -294,11 +297,12 @@ impl BsdfReader<'_> {
             self.number_or_mean(o, "alpha_u", alpha)?,
             self.number_or_mean(o, "alpha_v", alpha)?,
         );
-        if !(u > 0.0 && v > 0.0 && u <= 1.0 && v <= 1.0) {
+        if !(u >= 0.0 && v >= 0.0 && u <= 1.0 && v <= 1.0) {
             return Err(o.error(format!(
-                "`alpha` must be above 0 and at most 1, found {u} and {v}"
+                "`alpha` must be at least 0 and at most 1, found {u} and {v}"
             )));
         }
+        let (u, v) = (u.max(LEAST_ALPHA), v.max(LEAST_ALPHA));
         self.m.roughness = (u * v)
             .sqrt()
             .sqrt()

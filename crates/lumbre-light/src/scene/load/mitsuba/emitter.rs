@@ -8,7 +8,7 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3, Vec3};
 
 use super::as_texture;
-use super::texture::TextureReader;
+use super::texture::{self, TextureReader};
 use super::tree::XmlObject;
 use crate::scene::desc::{
     ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightKind, MaterialDesc, TextureDesc,
@@ -128,7 +128,8 @@ fn environment_map(
     if !(0.0..=1e9).contains(&scale) {
         return Err(o.error(format!("`scale` must be between 0 and 1e9, found {scale}")));
     }
-    let Some(mut map) = textures.image(o, file, false, notes)? else {
+    let decoding = texture::decoding(o)?;
+    let Some(mut map) = textures.image(o, file, decoding, notes)? else {
         return Ok(None);
     };
     let to_world = o.transform("to_world")?.matrix3;

@@ -1,5 +1,5 @@
-//! Scenes of Mitsuba 3 in XML; names of Mitsuba 0.5 and 0.6 (`toWorld`, `intIOR`) have the same
-//! meaning.
+//! Scenes of Mitsuba 3 in XML, and of Mitsuba 0.5 and 0.6, whose names (`toWorld`, `intIOR`) have the
+//! same meaning.
 //!
 //! Conventions that affect the image:
 //! - A camera looks along the +z axis of its `to_world` with +y up. `fov` is horizontal unless
@@ -9,6 +9,7 @@
 //! - Meshes without normals get smooth ones, unless `face_normals` is set; the front of a face with
 //!   normals is their side.
 //! - Texture coordinates start at the top left of an image; those of OBJ files at the bottom left.
+//! - A number as the spectrum of an emitter is light of equal energy, and D65 in version 0.6.
 //! - Area lights emit on their front side and reflect like their surface; without one they are black.
 //! - `dielectric`, `conductor`, `plastic` and their rough forms become materials of those models;
 //!   `diffuse` becomes `lambert`.

@@ -50,7 +50,7 @@ pub(super) fn read(
     let mut camera = CameraDesc {
         kind,
         position: position.as_vec3(),
-        target: (position + forward).as_vec3(),
+        target: default_scene::target(position, forward),
         up: up.as_vec3(),
         ..CameraDesc::default()
     };

@@ -12,7 +12,7 @@ use super::serialized::{SerializedFile, SerializedMesh};
 use super::tree::XmlObject;
 use crate::scene::desc::{MeshDesc, ShapeDesc, Transform, mesh_hash};
 use crate::scene::load::default_scene;
-use crate::scene::load::obj::Front;
+use crate::scene::load::obj::{Front, Smoothing};
 use crate::scene::load::{canonical, obj, ply};
 use crate::scene::shape::Shape;
 use crate::scene::{Note, SceneError};
@@ -100,9 +100,12 @@ impl MeshLoader {
                     stem,
                 }))
             }
-            "rectangle" => self.generate(o, "rectangle", none, transform, &|| Ok(rectangle())),
-            "cube" => self.generate(o, "cube", none, transform, &|| Ok(cube())),
-            "disk" => self.generate(o, "disk", none, transform, &|| Ok(disk())),
+            "rectangle" => {
+                let key = ("rectangle", none, flipped);
+                self.generate(o, key, transform, &|| Ok(rectangle()))
+            }
+            "cube" => self.generate(o, ("cube", none, flipped), transform, &|| Ok(cube())),
+            "disk" => self.generate(o, ("disk", none, flipped), transform, &|| Ok(disk())),
             "cylinder" => {
                 let (p0, p1) = (
                     o.vector("p0")?.unwrap_or(Vec3::ZERO),
@@ -113,9 +116,8 @@ impl MeshLoader {
                     return Err(o.error("a cylinder needs a length and a positive radius"));
                 }
                 let params = [p0.x, p0.y, p0.z, p1.x, p1.y, p1.z, radius];
-                self.generate(o, "cylinder", params, transform, &|| {
-                    Ok(cylinder(p0, p1, radius))
-                })
+                let key = ("cylinder", params, flipped);
+                self.generate(o, key, transform, &|| Ok(cylinder(p0, p1, radius)))
             }
             "sphere" => self.sphere(o, transform, [flipped, needs.oriented], notes),
             other => {
@@ -126,16 +128,15 @@ impl MeshLoader {
         }
     }
 
-    /// Returns a generated mesh, computed unless an equal one exists.
+    /// Returns a generated mesh of a name and parameters, inside out if it is `flipped`, computed
+    /// unless an equal one exists.
     fn generate(
         &mut self,
         o: &XmlObject,
-        name: &'static str,
-        params: [f32; 7],
+        (name, params, flipped): (&'static str, [f32; 7], bool),
         transform: DAffine3,
         shape: &dyn Fn() -> Result<Shape, SceneError>,
     ) -> Result<Option<TransformedShape>, SceneError> {
-        let flipped = o.flag("flip_normals", false)?;
         let key = (name, params.map(f32::to_bits), flipped);
         let mesh = match self.generated.get(&key) {
             Some(mesh) => mesh.clone(),
@@ -159,8 +160,8 @@ impl MeshLoader {
         }))
     }
 
-    /// Returns an analytic sphere, or a mesh, with a note, if the sphere is stretched or inside
-    /// out, or needs the coordinates of Mitsuba, which run about its z axis.
+    /// Returns an analytic sphere, or a mesh, with a note, if the sphere is stretched, mirrored or
+    /// inside out, or needs the coordinates of Mitsuba, which run about its z axis.
     fn sphere(
         &mut self,
         o: &XmlObject,
@@ -173,6 +174,8 @@ impl MeshLoader {
         if radius <= 0.0 || !radius.is_finite() {
             return Err(o.error(format!("a sphere needs a positive radius, found {radius}")));
         }
+        // Mitsuba 3 turns a sphere inside out if its transform mirrors it.
+        let flipped = flipped != (transform.matrix3.determinant() < 0.0);
         let transform = transform * DAffine3::from_translation(center.as_dvec3());
         let frame = transform.as_affine3a();
         let round = Transform::framed(frame).sphere_scale().is_some();
@@ -192,7 +195,7 @@ impl MeshLoader {
             ));
         }
         let scaled = transform * DAffine3::from_scale(DVec3::splat(f64::from(radius)));
-        self.generate(o, "sphere", [0.0; 7], scaled, &|| Ok(sphere()))
+        self.generate(o, ("sphere", [0.0; 7], flipped), scaled, &|| Ok(sphere()))
     }
 
     /// Loads a mesh from a file, once for each set of options.
@@ -229,7 +232,12 @@ impl MeshLoader {
         }
         let known_as = key.clone();
         let read = match o.plugin.as_str() {
-            "obj" => obj::load_mesh(&path, "", Front::CounterClockwise, notes),
+            "obj" => obj::load_mesh(
+                &path,
+                "",
+                (Front::CounterClockwise, Smoothing::Ignored),
+                notes,
+            ),
             "ply" => ply::load_mesh(&path, "", notes),
             _ => self.serialized_mesh(&path, &key).map(|read| {
                 key.flat |= read.flat;

@@ -12,8 +12,9 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`rgb`, `spectrum`",
-        support: "linear sRGB, `#rrggbb`; a number, pairs `nm:value`, a `filename`, `uniform` and \
-                  `d65` as in Mitsuba's RGB variants",
+        support: "linear sRGB, `#rrggbb`, `srgb`; a number, pairs `nm:value`, a `filename`, `uniform` and \
+                  `d65` as in Mitsuba's RGB variants. In files of version 0.6 a number of an emitter \
+                  is D65",
         limits: "other spectra are refused",
     },
     SupportedElement {
@@ -46,8 +47,8 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`sphere`",
-        support: "an analytic sphere, or a mesh if it is textured, anisotropic or stretched, or has \
-                  `flip_normals`",
+        support: "an analytic sphere, or a mesh if it is textured, anisotropic, stretched or \
+                  mirrored, which turns it inside out, or has `flip_normals`",
         limits: "meshes are noted",
     },
     SupportedElement {
@@ -140,12 +141,13 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`bitmap`",
-        support: "`filename`, `raw`, `to_uv`, `wrap_mode`",
+        support: "`filename`, `raw`, `to_uv`, `wrap_mode`; of version 0.6 `gamma`, `uscale`, `vscale`, \
+                  `uoffset`, `voffset`, `wrap_mode_u`, `wrap_mode_v`",
         limits: "other filters are noted",
     },
     SupportedElement {
         name: "`checkerboard`",
-        support: "`color0`, `color1`, `to_uv`",
+        support: "`color0`, `color1`, `to_uv`, or `uscale`, `vscale`, `uoffset`, `voffset`",
         limits: "textures of its colours are noted",
     },
     SupportedElement {

@@ -3,7 +3,7 @@
 use std::rc::Rc;
 use std::sync::Arc;
 
-use glam::{Affine2, DAffine3, Mat2, Vec2, Vec3};
+use glam::{Affine2, DAffine3, DVec3, Mat2, Vec2, Vec3};
 
 use super::tree::{Property, XmlObject};
 use crate::scene::compile::srgb_to_linear;
@@ -20,7 +20,7 @@ pub(super) struct LoadedTexture {
     /// Image of the texture.
     pub image: Arc<TextureDesc>,
     to_uv: DAffine3,
-    wrap: Wrap,
+    wrap: [Wrap; 2],
     filter: TextureFilter,
 }
 
@@ -58,7 +58,7 @@ impl LoadedTexture {
         m.set_lookup(
             slot,
             Lookup {
-                wrap: [self.wrap; 2],
+                wrap: self.wrap,
                 filter: self.filter,
                 second: false,
                 map: map.unwrap_or(None),
@@ -146,13 +146,13 @@ impl TextureReader {
         o: &Rc<XmlObject>,
         notes: &mut Vec<Note>,
     ) -> Result<Option<LoadedTexture>, SceneError> {
-        let to_uv = o.transform("to_uv")?;
+        let to_uv = uv_transform(o)?;
         match o.plugin.as_str() {
             "bitmap" => self.bitmap(o, to_uv, notes),
             "checkerboard" => Ok(Some(LoadedTexture {
                 image: checkerboard(o, notes)?,
                 to_uv,
-                wrap: Wrap::Repeat,
+                wrap: [Wrap::Repeat; 2],
                 filter: TextureFilter::Nearest,
             })),
             other => {
@@ -174,7 +174,7 @@ impl TextureReader {
         let Some(file) = o.text("filename")? else {
             return Err(o.error("a bitmap needs a `filename`"));
         };
-        let raw = o.flag("raw", false)?;
+        let decoding = decoding(o)?;
         let filter = match o.text("filter_type")? {
             Some("nearest") => TextureFilter::Nearest,
             None | Some("bilinear" | "trilinear" | "ewa") => TextureFilter::Bilinear,
@@ -183,42 +183,29 @@ impl TextureReader {
                 TextureFilter::Bilinear
             }
         };
-        let wrap = match o.text("wrap_mode")? {
-            None => Wrap::Repeat,
-            Some(mode) => Wrap::ALL
-                .into_iter()
-                .find(|wrap| wrap.name() == mode)
-                .unwrap_or_else(|| {
-                    notes.push(o.note(
-                        "`wrap_mode` must be `repeat`, `mirror` or `clamp`; `repeat` is used",
-                    ));
-                    Wrap::Repeat
-                }),
-        };
-        o.mark_read(&[
-            "format",
-            "accel",
-            "gamma",
-            "cache",
-            "max_anisotropy",
-            "wrap_mode_u",
-            "wrap_mode_v",
-        ]);
-        Ok(self.image(o, file, raw, notes)?.map(|image| LoadedTexture {
-            image,
-            to_uv,
-            wrap,
-            filter,
-        }))
+        let both = wrap_mode(o, "wrap_mode", Wrap::Repeat, notes)?;
+        let wrap = [
+            wrap_mode(o, "wrap_mode_u", both, notes)?,
+            wrap_mode(o, "wrap_mode_v", both, notes)?,
+        ];
+        o.mark_read(&["format", "accel", "cache", "max_anisotropy"]);
+        Ok(self
+            .image(o, file, decoding, notes)?
+            .map(|image| LoadedTexture {
+                image,
+                to_uv,
+                wrap,
+                filter,
+            }))
     }
 
-    /// Returns the image of a file beside the scene. Raw images are converted to floats, which no
-    /// slot decodes from sRGB.
+    /// Returns the image of a file beside the scene. Texels that are not in sRGB are converted to
+    /// floats, which no slot decodes.
     pub fn image(
         &mut self,
         o: &XmlObject,
         file: &str,
-        raw: bool,
+        decoding: Decoding,
         notes: &mut Vec<Note>,
     ) -> Result<Option<Arc<TextureDesc>>, SceneError> {
         let path = o.find_file(file);
@@ -230,15 +217,81 @@ impl TextureReader {
             }
             Err(e) => return Err(with_lenient_hint(o.error(e.to_string()))),
         };
-        if raw {
-            return self
-                .images
-                .derived(&image, "raw", |texel| texel)
-                .map(Some)
-                .map_err(|problem| o.error(problem));
-        }
-        Ok(Some(image))
+        let eight_bits = matches!(image.texels, Texels::Rgba8(_));
+        let decoded = match decoding {
+            Decoding::Srgb => return Ok(Some(image)),
+            Decoding::Gamma(gamma) if gamma != 1.0 && eight_bits => {
+                let power = |[r, g, b, a]: [f32; 4]| {
+                    let [r, g, b] = [r, g, b].map(|x| x.powf(gamma));
+                    [r, g, b, a]
+                };
+                self.images
+                    .derived(&image, &format!("gamma {gamma}"), power)
+            }
+            Decoding::Gamma(_) => self.images.derived(&image, "raw", |texel| texel),
+        };
+        decoded.map(Some).map_err(|problem| o.error(problem))
     }
+}
+
+/// Decoding of the 8-bit texels of an image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Decoding {
+    /// They are in sRGB where a slot holds colours.
+    Srgb,
+    /// They are powers with this exponent of the texels as stored; 1 is linear.
+    Gamma(f32),
+}
+
+/// Returns the decoding of an image: `raw`, or `gamma` of version 0.6, where 1 is linear and -1 is
+/// that of the file.
+pub(super) fn decoding(o: &XmlObject) -> Result<Decoding, SceneError> {
+    let raw = o.flag("raw", false)?;
+    let gamma = o.number("gamma", -1.0)?;
+    if raw {
+        return Ok(Decoding::Gamma(1.0));
+    }
+    if gamma <= 0.0 {
+        return Ok(Decoding::Srgb);
+    }
+    if gamma > 100.0 {
+        return Err(o.error(format!("`gamma` must be at most 100, found {gamma}")));
+    }
+    Ok(Decoding::Gamma(gamma as f32))
+}
+
+/// Returns the transform of texture coordinates: `to_uv`, or factors and offsets of version 0.6.
+fn uv_transform(o: &XmlObject) -> Result<DAffine3, SceneError> {
+    let [u_scale, v_scale, u_offset, v_offset] = [
+        ("uscale", 1.0),
+        ("vscale", 1.0),
+        ("uoffset", 0.0),
+        ("voffset", 0.0),
+    ]
+    .map(|(name, default)| o.number(name, default));
+    let scale = DVec3::new(u_scale?, v_scale?, 1.0);
+    let offset = DVec3::new(u_offset?, v_offset?, 0.0);
+    let own = DAffine3::from_translation(offset) * DAffine3::from_scale(scale);
+    Ok(o.transform("to_uv")? * own)
+}
+
+/// Reads the wrap mode of both coordinates or of one.
+fn wrap_mode(
+    o: &XmlObject,
+    key: &str,
+    default: Wrap,
+    notes: &mut Vec<Note>,
+) -> Result<Wrap, SceneError> {
+    let Some(mode) = o.text(key)? else {
+        return Ok(default);
+    };
+    let known = Wrap::ALL.into_iter().find(|wrap| wrap.name() == mode);
+    Ok(known.unwrap_or_else(|| {
+        notes.push(o.note(format!(
+            "`{key}` must be `repeat`, `mirror` or `clamp`; `repeat` is used"
+        )));
+        Wrap::Repeat
+    }))
 }
 
 /// Returns the image of a `checkerboard`.

@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
-use crate::scene::compile::Curve;
+use crate::scene::compile::{Curve, srgb_to_linear};
 use crate::scene::load::spectrum::{Sampled, to_srgb, under_daylight, xyz};
 
 /// Returns the beginning of a text, for messages.
@@ -77,6 +77,15 @@ pub(super) fn color(text: &str) -> Result<Vec3, String> {
         return Ok(Vec3::new(channel(16), channel(8), channel(0)));
     }
     finite(vector(text)?)
+}
+
+/// Parses a colour in sRGB: one number or three from 0 to 1, or `#rrggbb`.
+pub(super) fn srgb_color(text: &str) -> Result<Vec3, String> {
+    let color = color(text)?;
+    if text.trim().starts_with('#') {
+        return Ok(color);
+    }
+    Ok(color.map(srgb_to_linear))
 }
 
 /// Linear sRGB of light of equal energy, whose X, Y and Z are 1, with the digits that Mitsuba uses.

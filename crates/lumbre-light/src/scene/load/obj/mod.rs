@@ -1,9 +1,9 @@
 //! Wavefront OBJ meshes, parsed by `tobj` after [`text`] has checked them.
 //!
-//! Supported are `v`, `vt`, `vn`, `f`, `usemtl`, `o` and `g`, and, for a mesh that is loaded as a
-//! scene, the `.mtl` files that it refers to ([`mtl`]). A face has the material of the last
-//! `usemtl`; an `o` or `g` that follows faces resets it to the default material. Polygons are
-//! triangulated as fans from their first vertex. Smoothing groups, lines, points and free-form
+//! Supported are `v` with colours, `vt`, `vn`, `f`, `s` and `usemtl`, and, for a mesh that is loaded
+//! as a scene, the `.mtl` files that it refers to ([`mtl`]). A face has the material of the last
+//! `usemtl`, whatever `o` or `g` say. Polygons are triangulated: convex ones as fans from their first vertex. Faces
+//! of a smoothing group that have no normals share those of the group. Lines, points and free-form
 //! surfaces have no effect.
 //!
 //! The front of a face with normals is the side to which the mean of its vertex normals points,
@@ -18,18 +18,25 @@ pub(super) use self::supported::SUPPORTED;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{Vec2, Vec3};
 
-use super::default_scene;
+use self::text::FaceGroup;
 use super::images::ImageCache;
 use super::{MissingTextures, canonical, read_file};
+use super::{default_scene, files};
 use crate::scene::desc::{DEFAULT_MATERIAL, MaterialDesc, MeshDesc, SceneDesc, mesh_hash};
 use crate::scene::{Note, SceneError};
 
 /// Greatest size of an OBJ file in bytes.
 const MAX_OBJ_BYTES: u64 = 1 << 30;
+
+/// Greatest number of words in the name of a material file.
+const MAX_NAME_WORDS: usize = 16;
+
+/// Greatest number of material files that one statement names.
+const MAX_LIBRARIES: usize = 64;
 
 /// Convention for the front of a face without normals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,6 +45,16 @@ pub(super) enum Front {
     CounterClockwise,
     /// The vertices run clockwise, seen from the front: the convention of `.scn`.
     Clockwise,
+}
+
+/// Meaning of smoothing groups (`s`) for faces without normals.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Smoothing {
+    /// The faces of a group share normals; all others are flat.
+    #[default]
+    Groups,
+    /// They are ignored: the caller computes normals for the whole mesh.
+    Ignored,
 }
 
 /// Returns whether the first bytes of a file look like an OBJ.
@@ -59,22 +76,21 @@ pub(super) fn load(
     missing: MissingTextures,
 ) -> Result<(SceneDesc, Vec<Note>), SceneError> {
     let mut notes = Vec::new();
-    let (mesh, libraries) =
-        load_with_libraries(path, DEFAULT_MATERIAL, Front::CounterClockwise, &mut notes)?;
+    let conventions = (Front::CounterClockwise, Smoothing::Groups);
+    let (mesh, libraries) = load_with_libraries(path, DEFAULT_MATERIAL, conventions, &mut notes)?;
     let mut images = ImageCache::default();
     // Of several materials with one name, the first is used.
     let mut materials_by_name: BTreeMap<String, MaterialDesc> = BTreeMap::new();
     let mut read_libraries = BTreeSet::new();
-    for library in libraries {
-        let file = path
-            .parent()
-            .unwrap_or(Path::new(""))
-            .join(library.replace('\\', "/"));
+    let folder = path.parent().unwrap_or(Path::new(""));
+    for file in libraries.iter().flat_map(|names| files_of(folder, names)) {
         if !read_libraries.insert(canonical(&file)) {
             continue;
         }
         match mtl::load(&file, missing, &mut images, &mut notes) {
             Ok(materials) => materials.into_iter().for_each(|m| {
+                let plain = without_comment(&m.name).to_owned();
+                materials_by_name.entry(plain).or_insert_with(|| m.clone());
                 materials_by_name.entry(m.name.clone()).or_insert(m);
             }),
             Err(SceneError::Unreadable { reason, .. }) => notes.push(Note {
@@ -89,30 +105,65 @@ pub(super) fn load(
         }
     }
     let find = |name: &String| {
-        materials_by_name
-            .get(name)
-            .cloned()
-            .unwrap_or_else(|| MaterialDesc::new(name))
+        let known = materials_by_name.get(name);
+        let known = known.or_else(|| materials_by_name.get(without_comment(name)));
+        MaterialDesc {
+            name: name.clone(),
+            ..known.cloned().unwrap_or_else(|| MaterialDesc::new(name))
+        }
     };
     let materials: Vec<MaterialDesc> = mesh.slots.iter().map(find).collect();
     Ok((default_scene::scene(path, mesh, materials), notes))
+}
+
+/// Returns a name without the comment that may follow it. Names may contain a `#`, as in `Map #1`.
+fn without_comment(name: &str) -> &str {
+    name.split_once(" # ").map_or(name, |(name, _)| name).trim()
+}
+
+/// Returns the material files that the argument of an `mtllib` names: one whose name may contain
+/// spaces, or several.
+fn files_of(folder: &Path, names: &str) -> Vec<PathBuf> {
+    let file = |name: &str| folder.join(name.replace('\\', "/"));
+    let exists = |name: &str| {
+        let file = file(name);
+        files::check(&file).is_ok() && file.is_file()
+    };
+    let is_library = |name: &str| name.to_ascii_lowercase().ends_with(".mtl");
+    let mut found = Vec::new();
+    let mut rest = names.trim();
+    while !rest.is_empty()
+        && found.len() < MAX_LIBRARIES
+        && (!rest.starts_with('#') || exists(rest))
+    {
+        let ends = rest.char_indices().filter(|(_, c)| c.is_whitespace());
+        let ends = ends.map(|(i, _)| i).chain([rest.len()]);
+        let ends: Vec<usize> = ends.take(MAX_NAME_WORDS).collect();
+        let mut longest_first = ends.iter().rev();
+        let existing = longest_first.find(|end| exists(&rest[..**end]));
+        let missing = || ends.iter().find(|end| is_library(&rest[..**end]));
+        let end = existing.or_else(missing).copied().unwrap_or(rest.len());
+        found.push(file(&rest[..end]));
+        rest = rest[end..].trim_start();
+    }
+    found
 }
 
 /// Loads a mesh; `default_slot` is the slot of faces without a `usemtl`.
 pub(super) fn load_mesh(
     path: &Path,
     default_slot: &str,
-    front: Front,
+    conventions: (Front, Smoothing),
     notes: &mut Vec<Note>,
 ) -> Result<MeshDesc, SceneError> {
-    load_with_libraries(path, default_slot, front, notes).map(|(mesh, _)| mesh)
+    load_with_libraries(path, default_slot, conventions, notes).map(|(mesh, _)| mesh)
 }
 
-/// Loads a mesh, and the names of its material files.
+/// Loads a mesh, and the arguments of its `mtllib` statements.
 fn load_with_libraries(
     path: &Path,
     default_slot: &str,
-    front: Front,
+    (front, smoothing): (Front, Smoothing),
     notes: &mut Vec<Note>,
 ) -> Result<(MeshDesc, Vec<String>), SceneError> {
     let malformed = |place: String, problem: String| SceneError::Malformed {
@@ -123,7 +174,7 @@ fn load_with_libraries(
     let bytes = read_file(path, MAX_OBJ_BYTES)?;
     // Names and comments in other encodings are common and harmless; numbers are ASCII in all
     // encodings.
-    let checked = text::check(&String::from_utf8_lossy(&bytes))
+    let checked = text::check(&String::from_utf8_lossy(&bytes), smoothing)
         .map_err(|error| malformed(format!("line {}", error.line), error.problem))?;
     drop(bytes);
     notes.extend(checked.notes.iter().map(|(place, message)| Note {
@@ -137,6 +188,7 @@ fn load_with_libraries(
     let mut builder = MeshBuilder {
         has_normals: checked.groups.iter().any(|g| g.normals),
         has_uvs: checked.groups.iter().any(|g| g.uvs),
+        has_colors: models.iter().any(|m| !m.mesh.vertex_color.is_empty()),
         front,
         slots_by_name: BTreeMap::new(),
         mesh: MeshDesc {
@@ -146,6 +198,7 @@ fn load_with_libraries(
             uvs: Vec::new(),
             colors: Vec::new(),
             second_uvs: Vec::new(),
+            tangents: Vec::new(),
             triangles: Vec::new(),
             slots: Vec::new(),
             triangle_slot: Vec::new(),
@@ -161,7 +214,7 @@ fn load_with_libraries(
             .and_then(|i| checked.groups.get(i))
         {
             let slot = builder.slot(group.material.as_deref().unwrap_or(default_slot));
-            builder.add(&model.mesh, group.normals, slot);
+            builder.add(&model.mesh, group, slot);
         }
     }
     let mut mesh = builder.mesh;
@@ -185,6 +238,7 @@ fn parse(checked: &text::CheckedObj) -> Result<Vec<tobj::Model>, tobj::LoadError
 struct MeshBuilder {
     has_normals: bool,
     has_uvs: bool,
+    has_colors: bool,
     front: Front,
     slots_by_name: BTreeMap<String, u32>,
     mesh: MeshDesc,
@@ -203,7 +257,7 @@ impl MeshBuilder {
     }
 
     /// Appends a vertex and returns its index.
-    fn vertex(&mut self, position: Vec3, normal: Vec3, uv: Vec2) -> u32 {
+    fn vertex(&mut self, position: Vec3, normal: Vec3, uv: Vec2, color: Vec3) -> u32 {
         self.mesh.positions.push(position);
         if self.has_normals {
             self.mesh.normals.push(normal);
@@ -211,17 +265,33 @@ impl MeshBuilder {
         if self.has_uvs {
             self.mesh.uvs.push(uv);
         }
+        if self.has_colors {
+            self.mesh.colors.push(color);
+        }
         self.mesh.positions.len() as u32 - 1
     }
 
-    /// Appends the faces of a model, which have normals or not, with the material of `slot`.
-    fn add(&mut self, model: &tobj::Mesh, normals: bool, slot: u32) {
+    /// Appends the faces of a model, which are those of `group`, with the material of `slot`.
+    fn add(&mut self, model: &tobj::Mesh, group: &FaceGroup, slot: u32) {
+        let normals = group.normals;
+        // Normals of smoothing groups are on the side from which faces run counter-clockwise.
+        let sign = if group.smoothed && self.front == Front::Clockwise {
+            -1.0
+        } else {
+            1.0
+        };
         let position = |i: usize| Vec3::from_slice(&model.positions[3 * i..3 * i + 3]);
         let uv = |i: usize| {
             model
                 .texcoords
                 .get(2 * i..2 * i + 2)
                 .map_or(Vec2::ZERO, Vec2::from_slice)
+        };
+        let color = |i: usize| {
+            model
+                .vertex_color
+                .get(3 * i..3 * i + 3)
+                .map_or(Vec3::ONE, Vec3::from_slice)
         };
         // Faces without normals in a mesh with normals get their own vertices, with the normal of
         // the face.
@@ -232,15 +302,15 @@ impl MeshBuilder {
                 let normal = model
                     .normals
                     .get(3 * i..3 * i + 3)
-                    .map_or(Vec3::ZERO, Vec3::from_slice);
-                self.vertex(position(i), normal, uv(i));
+                    .map_or(Vec3::ZERO, |n| sign * Vec3::from_slice(n));
+                self.vertex(position(i), normal, uv(i), color(i));
             }
         }
         for corners in model.indices.chunks_exact(3) {
             let [a, b, c] = [corners[0], corners[1], corners[2]];
             let [pa, pb, pc] = [a, b, c].map(|i| position(i as usize).as_dvec3());
             let winding = (pb - pa).cross(pc - pa);
-            let reversed = if normals {
+            let reversed = if normals && !group.smoothed {
                 let mean: Vec3 = [a, b, c]
                     .iter()
                     .map(|i| self.mesh.normals[(base + i) as usize])
@@ -253,7 +323,10 @@ impl MeshBuilder {
             let face_normal = winding.try_normalize().unwrap_or(glam::DVec3::Y).as_vec3()
                 * if reversed { -1.0 } else { 1.0 };
             let triangle = if flat {
-                order.map(|i| self.vertex(position(i as usize), face_normal, uv(i as usize)))
+                order.map(|i| {
+                    let i = i as usize;
+                    self.vertex(position(i), face_normal, uv(i), color(i))
+                })
             } else {
                 order.map(|i| base + i)
             };
@@ -280,7 +353,8 @@ mod tests {
         let path = dir.path().join("m.obj");
         std::fs::write(&path, text).unwrap();
         let mut notes = Vec::new();
-        let mesh = load_mesh(&path, DEFAULT_MATERIAL, front, &mut notes).unwrap();
+        let conventions = (front, Smoothing::Groups);
+        let mesh = load_mesh(&path, DEFAULT_MATERIAL, conventions, &mut notes).unwrap();
         (mesh, notes)
     }
 

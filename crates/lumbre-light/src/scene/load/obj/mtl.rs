@@ -5,8 +5,8 @@
 //! | `Kd`, `map_Kd` | base colour |
 //! | `Ke`, `map_Ke` | emission; a texture without `Ke` emits with radiance 1 |
 //! | `Ni` | `ior` |
-//! | `d`, `Tr` | the opacity `d = 1 - Tr`; 0 if `illum` is 4, 6, 7 or 9, the models for glass |
-//! | `map_d` | the mask: coverage, not refraction |
+//! | `d`, `Tr`, `map_d` | coverage `d = 1 - Tr`, times the map: a mask, without colour and refraction |
+//! | `illum` | the models 4, 6, 7 and 9 are glass, whose `d` and `Tr` have no effect |
 //! | `Pr`, `map_Pr` | roughness; else from the exponent `Ns` if `Ks` is not black, else 1 |
 //! | `Pm`, `map_Pm` | metallic |
 //! | `Ps` | sheen |
@@ -27,12 +27,14 @@ use std::sync::Arc;
 use glam::{Affine2, Vec2, Vec3};
 
 use super::supported::NotedKeywords;
+use super::without_comment;
 use crate::scene::desc::material_params::MIN_IOR;
 use crate::scene::desc::{
-    Lookup, MaterialDesc, NoInverse, TextureDesc, TextureFilter, TextureSlot, Wrap,
+    Lookup, MaskMode, MaterialDesc, NoInverse, Texels, TextureDesc, TextureFilter, TextureSlot,
+    Wrap,
 };
 use crate::scene::load::images::{self, ImageCache};
-use crate::scene::load::{MissingTextures, read_file, with_lenient_hint};
+use crate::scene::load::{MissingTextures, files, read_file, with_lenient_hint};
 use crate::scene::{Note, SceneError};
 
 /// Greatest size of a material file in bytes.
@@ -95,7 +97,7 @@ pub(super) fn load(
     for (i, line) in String::from_utf8_lossy(&bytes).lines().enumerate() {
         file.statement(i + 1, line.trim())?;
     }
-    Ok(file.finish())
+    file.finish()
 }
 
 /// State while a material file is parsed.
@@ -194,7 +196,8 @@ impl MtlParser<'_> {
         rest: &str,
         range: [f32; 2],
     ) -> Result<[f32; N], SceneError> {
-        let words: Vec<&str> = rest.split_whitespace().collect();
+        let numbers = rest.split('#').next().unwrap_or_default();
+        let words: Vec<&str> = numbers.split_whitespace().collect();
         // A single number is used for all three channels of a colour.
         if words.is_empty() || (words.len() < N && words.len() != 1) {
             return Err(self.error(
@@ -282,6 +285,7 @@ impl MtlParser<'_> {
         };
         let (slot, texture) = match slot {
             TextureSlot::Bump => self.bump(line, texture, multiplier)?,
+            TextureSlot::Mask => (slot, self.coverage(line, &texture)?),
             _ => (slot, texture),
         };
         self.with_current(|m, statements| {
@@ -329,11 +333,12 @@ impl MtlParser<'_> {
         line: usize,
         name: &str,
     ) -> Result<Option<Arc<TextureDesc>>, SceneError> {
-        let file = self
-            .path
-            .parent()
-            .unwrap_or(Path::new(""))
-            .join(name.replace('\\', "/"));
+        let folder = self.path.parent().unwrap_or(Path::new(""));
+        let mut file = folder.join(name.replace('\\', "/"));
+        // Names may contain a `#`, and comments may follow.
+        if files::check(&file).is_err() || !file.is_file() {
+            file = folder.join(without_comment(name).replace('\\', "/"));
+        }
         match self.images.load(&file, self.notes) {
             Ok(texture) => Ok(Some(texture)),
             Err(e) => {
@@ -391,6 +396,21 @@ impl MtlParser<'_> {
             .heights(&texture)
             .map_err(|problem| self.error(line, problem))?;
         Ok((TextureSlot::Bump, heights))
+    }
+
+    /// Returns the coverage of a `map_d`: the alpha of an image that has one, else its luminance.
+    fn coverage(
+        &mut self,
+        line: usize,
+        texture: &Arc<TextureDesc>,
+    ) -> Result<Arc<TextureDesc>, SceneError> {
+        let coverage = if has_alpha(texture) {
+            let alpha = |[_, _, _, a]: [f32; 4]| [a, a, a, 1.0];
+            self.images.derived(texture, "alpha", alpha)
+        } else {
+            self.images.heights(texture)
+        };
+        coverage.map_err(|problem| self.error(line, problem))
     }
 
     /// Parses the options before the file name of a map.
@@ -451,26 +471,68 @@ impl MtlParser<'_> {
     }
 
     /// Returns the materials, with the parameters that several statements determine.
-    fn finish(self) -> Vec<MaterialDesc> {
-        let finished = |(mut m, statements): (MaterialDesc, Statements)| {
+    fn finish(mut self) -> Result<Vec<MaterialDesc>, SceneError> {
+        let materials = std::mem::take(&mut self.materials);
+        let finished = materials.into_iter().map(|(m, statements)| {
             let glossy = statements.specular.is_some_and(|ks| ks != Vec3::ZERO);
-            m.roughness = match (statements.roughness, statements.exponent) {
-                (Some(roughness), _) => roughness,
-                (None, Some(ns)) if glossy => (2.0 / (ns + 2.0)).powf(0.25),
-                _ => 1.0,
+            let mut m = MaterialDesc {
+                roughness: match (statements.roughness, statements.exponent) {
+                    (Some(roughness), _) => roughness,
+                    (None, Some(ns)) if glossy => (2.0 / (ns + 2.0)).powf(0.25),
+                    _ => 1.0,
+                },
+                ..m
             };
-            let glass = matches!(statements.model, Some(4 | 6 | 7 | 9));
-            m.opacity = if glass {
-                0.0
+            if matches!(statements.model, Some(4 | 6 | 7 | 9)) {
+                m.opacity = 0.0;
             } else {
-                statements.dissolve.unwrap_or(1.0)
-            };
+                self.dissolve(&mut m, statements.dissolve.unwrap_or(1.0))?;
+            }
+            if m.texture(TextureSlot::Mask).is_some() {
+                m.mask_mode = MaskMode::Blend;
+            }
             if m.texture(TextureSlot::Emission).is_some() && m.emission == Vec3::ZERO {
                 m.emission = Vec3::ONE;
             }
-            m
+            Ok(m)
+        });
+        finished.collect()
+    }
+
+    /// Sets the coverage of a material to that of its map times `d`.
+    fn dissolve(&mut self, m: &mut MaterialDesc, d: f32) -> Result<(), SceneError> {
+        if d == 1.0 {
+            return Ok(());
+        }
+        if d == 0.0 {
+            self.notes.push(Note {
+                file: self.path.to_owned(),
+                place: format!("material {}", truncated(&m.name)),
+                message: "its dissolve `d` is 0 (or `Tr` 1), which makes it invisible".to_owned(),
+            });
+        }
+        let mask = match m.texture(TextureSlot::Mask).cloned() {
+            Some(map) => {
+                let scaled = |texel: [f32; 4]| texel.map(|x| d * x);
+                let derived = self.images.derived(&map, &format!("* {d}"), scaled);
+                derived.map_err(|problem| SceneError::Malformed {
+                    file: self.path.to_owned(),
+                    place: format!("material {}", truncated(&m.name)),
+                    problem,
+                })?
+            }
+            None => Arc::new(TextureDesc::grey(d)),
         };
-        self.materials.into_iter().map(finished).collect()
+        m.set_texture(TextureSlot::Mask, Some(mask));
+        Ok(())
+    }
+}
+
+/// Returns whether any texel of an image is transparent.
+fn has_alpha(image: &TextureDesc) -> bool {
+    match &image.texels {
+        Texels::Rgba8(t) => t.iter().any(|[_, _, _, a]| *a < 255),
+        Texels::RgbaF32(t) => t.iter().any(|[_, _, _, a]| *a < 1.0),
     }
 }
 

@@ -6,22 +6,29 @@ use crate::scene::load::SupportedElement;
 pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     SupportedElement {
         name: "`v`, `vt`, `vn`",
-        support: "positions, texture coordinates, normals",
-        limits: "a fourth coordinate is the weight; colours after a position are ignored",
+        support: "positions, texture coordinates, normals; after a position, a colour in sRGB, \
+                  which multiplies the base colour",
+        limits: "a fourth coordinate is the weight",
     },
     SupportedElement {
         name: "`f`",
-        support: "polygons, triangulated as fans; negative indices count backwards",
-        limits: "concave polygons and faces with only some normals are noted",
+        support: "polygons, concave ones included; negative indices count backwards",
+        limits: "polygons whose edges intersect and faces with only some normals are noted",
     },
     SupportedElement {
         name: "`usemtl`, `mtllib`",
-        support: "materials by name, from the files that the mesh refers to",
+        support: "materials by name, from the files that the mesh refers to; one `mtllib` may name \
+                  several",
         limits: "unreadable files are noted; unknown names are white",
     },
     SupportedElement {
+        name: "`s`",
+        support: "smoothing groups, whose faces share normals unless they have their own",
+        limits: "",
+    },
+    SupportedElement {
         name: "`o`, `g`",
-        support: "after faces, they reset the material to the default",
+        support: "none: material and smoothing group stay until `usemtl` or `s`",
         limits: "",
     },
     SupportedElement {
@@ -50,13 +57,14 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
         limits: "",
     },
     SupportedElement {
-        name: "`d`, `tr`, `illum`",
-        support: "opacity; models 4, 6, 7 and 9 are glass",
-        limits: "",
+        name: "`d`, `tr`, `map_d`",
+        support: "coverage, as a probability: what is behind is seen unchanged. Of a `map_d`, the \
+                  alpha or else the luminance",
+        limits: "materials that become invisible are noted",
     },
     SupportedElement {
-        name: "`map_d`",
-        support: "the mask",
+        name: "`illum`",
+        support: "models 4, 6, 7 and 9 are glass",
         limits: "",
     },
     SupportedElement {

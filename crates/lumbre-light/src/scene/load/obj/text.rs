@@ -4,14 +4,23 @@
 //! misaligns normals and texture coordinates if only some faces have them, and computes with
 //! indices before checking them. Therefore a pass over the text checks every statement, names the
 //! line in errors, and rewrites the mesh in a plain subset that avoids these problems: absolute
-//! indices, and one `o N` for every run of faces of [`FaceGroup`] `N`.
+//! indices, and one `o N` for every run of faces of [`FaceGroup`] `N`. Vertices have colours either
+//! all or not at all, and faces of a smoothing group have normals.
+
+mod smoothing;
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
+use glam::{DVec3, Vec3};
+
+use self::smoothing::SmoothingGroups;
+use super::Smoothing;
 use super::supported::NotedKeywords;
+use crate::scene::compile::srgb_to_linear;
 use crate::scene::desc::MAX_COORDINATE;
+use crate::scene::load::polygon::Triangulator;
 
 /// Faces with the same material, where all vertices or none have texture coordinates, and the same
 /// for normals.
@@ -23,18 +32,21 @@ pub(super) struct FaceGroup {
     pub uvs: bool,
     /// Whether every vertex has a normal.
     pub normals: bool,
+    /// Whether the normals are those of a smoothing group, on the side from which the vertices run
+    /// counter-clockwise.
+    pub smoothed: bool,
 }
 
 /// A checked mesh.
 #[derive(Debug, Default)]
 pub(super) struct CheckedObj {
-    /// Positions, texture coordinates and normals in the plain subset.
+    /// Positions with their colours, texture coordinates and normals in the plain subset.
     pub vertices: String,
     /// Faces in the plain subset; the name of each object is an index into `groups`.
     pub faces: String,
     /// Every face group in the file, in order of appearance.
     pub groups: Vec<FaceGroup>,
-    /// Names of material files in order, each once.
+    /// Arguments of `mtllib` in order, each once.
     pub libraries: Vec<String>,
     /// Notes: place and message.
     pub notes: Vec<(String, String)>,
@@ -50,11 +62,14 @@ pub(super) struct ObjError {
 }
 
 /// Statements without a note: they do not describe the surface, or are handled elsewhere.
-const IGNORED: &[&str] = &["s", "vp", "mg"];
+const IGNORED: &[&str] = &["vp", "mg"];
 
 /// Checks and rewrites a complete OBJ text.
-pub(super) fn check(text: &str) -> Result<CheckedObj, ObjError> {
-    let mut checker = Checker::default();
+pub(super) fn check(text: &str, smoothing: Smoothing) -> Result<CheckedObj, ObjError> {
+    let mut checker = Checker {
+        smoothing,
+        ..Checker::default()
+    };
     for (_, line) in logical_lines(text) {
         match line.split_whitespace().next() {
             Some("v") => checker.totals[0] += 1,
@@ -107,13 +122,18 @@ struct Checker {
     totals: [usize; 3],
     /// Numbers read so far, from which negative indices count back.
     read: [usize; 3],
+    /// Texture coordinates and normals in the plain subset.
     vertices: String,
     faces: String,
-    positions: Vec<[f32; 3]>,
+    positions: Vec<Vec3>,
+    /// Colours as written, one per position, or empty as long as no position has one.
+    colors: Vec<Vec3>,
     groups: Vec<FaceGroup>,
     group_indices: BTreeMap<FaceGroup, usize>,
     material: Option<String>,
-    faces_since_material: bool,
+    smoothing: Smoothing,
+    smooth: SmoothingGroups,
+    triangulator: Triangulator,
     current: Option<usize>,
     counts: Occurrences,
     noted_keywords: NotedKeywords,
@@ -133,6 +153,8 @@ struct Occurrences {
     bad_normals: (usize, usize),
     partial_faces: (usize, usize),
     nameless: (usize, usize),
+    byte_colors: (usize, usize),
+    painted: (usize, usize),
 }
 
 /// Counts an occurrence in a line.
@@ -146,13 +168,15 @@ fn record(counter: &mut (usize, usize), line: usize) {
 impl Checker {
     /// Checks a statement.
     fn statement(&mut self, line: &str) -> Result<(), String> {
-        let mut words = line.split_whitespace();
+        // A comment may follow numbers; names may contain a `#`.
+        let numbers = line.split('#').next().unwrap_or_default();
+        let mut words = numbers.split_whitespace();
         let Some(keyword) = words.next() else {
+            if line.starts_with("#MRGB ") {
+                record(&mut self.counts.painted, self.line);
+            }
             return Ok(());
         };
-        if keyword.starts_with('#') {
-            return Ok(());
-        }
         match keyword {
             "v" => self.position(words),
             "vt" => self.texture_coordinate(words),
@@ -162,10 +186,11 @@ impl Checker {
                 record(&mut self.counts.lines_and_points, self.line);
                 Ok(())
             }
-            "o" | "g" => {
-                if self.faces_since_material {
-                    self.material = None;
-                    self.faces_since_material = false;
+            // Names of objects and groups leave the material and the smoothing group as they are.
+            "o" | "g" => Ok(()),
+            "s" => {
+                if self.smoothing == Smoothing::Groups {
+                    self.smooth.select(words.next());
                 }
                 Ok(())
             }
@@ -175,7 +200,6 @@ impl Checker {
                     record(&mut self.counts.nameless, self.line);
                 }
                 self.material = (!name.is_empty()).then(|| name.to_owned());
-                self.faces_since_material = false;
                 Ok(())
             }
             "mtllib" => {
@@ -197,15 +221,14 @@ impl Checker {
 
     /// Reads a `v` statement.
     fn position<'a>(&mut self, words: impl Iterator<Item = &'a str>) -> Result<(), String> {
-        let words: Vec<&str> = words.take(5).collect();
+        let words: Vec<&str> = words.take(6).collect();
         if words.len() < 3 {
             return Err(format!(
                 "a vertex needs 3 coordinates, found {}",
                 words.len()
             ));
         }
-        // A fourth number alone is the homogeneous weight; more numbers are colours, which are not
-        // supported.
+        // A fourth number alone is the homogeneous weight; three more numbers are a colour.
         let weight = if words.len() == 4 {
             float(words[3])?
         } else {
@@ -222,10 +245,55 @@ impl Checker {
                 words[..words.len().min(4)].join(" ")
             ));
         }
+        if let [_, _, _, r, g, b] = words[..] {
+            self.color([r, g, b])?;
+        } else if !self.colors.is_empty() {
+            self.colors.push(Vec3::ONE);
+        }
         self.read[0] += 1;
-        self.positions.push(p);
-        push_numbers(&mut self.vertices, "v", &p);
+        self.positions.push(Vec3::from_array(p));
         Ok(())
+    }
+
+    /// Reads the colour of the next position.
+    fn color(&mut self, words: [&str; 3]) -> Result<(), String> {
+        let mut color = [0.0; 3];
+        for (x, word) in color.iter_mut().zip(words) {
+            *x = float(word)?;
+        }
+        if !color.iter().all(|x| x.is_finite()) {
+            return Err(format!("the colour ({}) is not finite", words.join(" ")));
+        }
+        if color.iter().any(|x| *x > 1.0) {
+            record(&mut self.counts.byte_colors, self.line);
+        }
+        // Positions without a colour are white.
+        self.colors.resize(self.positions.len(), Vec3::ONE);
+        self.colors.push(Vec3::from_array(color));
+        Ok(())
+    }
+
+    /// Appends the positions, in linear colours if any has one. Colours are in sRGB, as programs
+    /// that paint and scan meshes write them.
+    fn write_positions(&self, text: &mut String) {
+        let most = if self.counts.byte_colors.0 > 0 {
+            255.0
+        } else {
+            1.0
+        };
+        for (i, p) in self.positions.iter().enumerate() {
+            match self.colors.get(i) {
+                Some(color) => {
+                    let linear = (*color / most)
+                        .clamp(Vec3::ZERO, Vec3::ONE)
+                        .map(srgb_to_linear);
+                    let [x, y, z] = p.to_array();
+                    let [r, g, b] = linear.to_array();
+                    push_numbers(text, "v", &[x, y, z, r, g, b]);
+                }
+                None => push_numbers(text, "v", &p.to_array()),
+            }
+        }
     }
 
     /// Reads a `vt` statement.
@@ -277,31 +345,53 @@ impl Checker {
 
     /// Reads an `f` statement.
     fn face<'a>(&mut self, words: impl Iterator<Item = &'a str>) -> Result<(), String> {
-        let corners: Vec<Corner> = words.map(|w| self.corner(w)).collect::<Result<_, _>>()?;
-        self.faces_since_material = true;
+        let mut corners: Vec<Corner> = words.map(|w| self.corner(w)).collect::<Result<_, _>>()?;
         if corners.len() < 3 {
             record(&mut self.counts.short_faces, self.line);
             return Ok(());
         }
         let all = |k: usize| corners.iter().all(|c| c[k].is_some());
         let some = |k: usize| corners.iter().any(|c| c[k].is_some());
-        let (uvs, normals) = (all(1), all(2));
+        let (uvs, mut normals) = (all(1), all(2));
         if (some(1) && !uvs) || (some(2) && !normals) {
             record(&mut self.counts.partial_faces, self.line);
         }
-        if self.is_concave(&corners) {
-            record(&mut self.counts.concave_faces, self.line);
+        let polygon: Vec<usize> = corners.iter().filter_map(|c| c[0]).collect();
+        let ears = self.ears(&polygon);
+        let mut smoothed = false;
+        if !normals && let Some(smooth) = self.smooth.add(&polygon, ears.as_deref()) {
+            // They follow the normals of the file.
+            for (corner, n) in corners.iter_mut().zip(smooth) {
+                corner[2] = Some(self.totals[2] + n as usize);
+            }
+            (normals, smoothed) = (true, true);
         }
         let group = self.group(FaceGroup {
             material: self.material.clone(),
             uvs,
             normals,
+            smoothed,
         });
         if self.current != Some(group) {
             self.current = Some(group);
             // Writing to a string cannot fail.
             let _ = writeln!(self.faces, "o {group}");
         }
+        match ears {
+            None => self.write_face(corners.iter(), [uvs, normals]),
+            Some(ears) => ears
+                .iter()
+                .for_each(|ear| self.write_face(ear.iter().map(|i| &corners[*i]), [uvs, normals])),
+        }
+        Ok(())
+    }
+
+    /// Appends a face with the indices of its texture coordinates and normals, if they are used.
+    fn write_face<'a>(
+        &mut self,
+        corners: impl Iterator<Item = &'a Corner>,
+        [uvs, normals]: [bool; 2],
+    ) {
         self.faces.push('f');
         for [v, vt, vn] in corners {
             let index = |i: Option<usize>, used: bool| match i {
@@ -311,13 +401,12 @@ impl Checker {
             let _ = write!(
                 self.faces,
                 " {}/{}/{}",
-                index(v, true),
-                index(vt, uvs),
-                index(vn, normals)
+                index(*v, true),
+                index(*vt, uvs),
+                index(*vn, normals)
             );
         }
         self.faces.push('\n');
-        Ok(())
     }
 
     /// Returns the index of a face group, which is added if it is new.
@@ -370,30 +459,26 @@ impl Checker {
         Ok(corner)
     }
 
-    /// Returns whether a fan from the first vertex covers more than the polygon.
-    fn is_concave(&self, corners: &[Corner]) -> bool {
-        if corners.len() < 4 {
-            return false;
+    /// Returns the triangles of a concave polygon; `None` for others, which `tobj` triangulates.
+    fn ears(&mut self, polygon: &[usize]) -> Option<Vec<[usize; 3]>> {
+        let at = |i: &usize| self.positions.get(*i).map(|p| p.as_dvec3());
+        let points: Vec<DVec3> = polygon.iter().map(at).collect::<Option<_>>()?;
+        let fans = self.triangulator.fans;
+        let ears = self.triangulator.ears(&points);
+        if self.triangulator.fans > fans {
+            record(&mut self.counts.concave_faces, self.line);
         }
-        let at = |c: &Corner| {
-            c[0].and_then(|i| self.positions.get(i))
-                .map(|p| glam::Vec3::from(*p).as_dvec3())
-        };
-        let Some(points) = corners.iter().map(at).collect::<Option<Vec<_>>>() else {
-            return false;
-        };
-        let crosses: Vec<glam::DVec3> = points[1..]
-            .windows(2)
-            .map(|w| (w[0] - points[0]).cross(w[1] - points[0]))
-            .collect();
-        let sum: glam::DVec3 = crosses.iter().sum();
-        crosses
-            .iter()
-            .any(|c| c.dot(sum) < -1e-6 * sum.length_squared())
+        ears
     }
 
     /// Returns the result with all notes.
     fn finish(mut self) -> CheckedObj {
+        let mut vertices = String::new();
+        self.write_positions(&mut vertices);
+        vertices.push_str(&std::mem::take(&mut self.vertices));
+        for n in self.smooth.normals(&self.positions) {
+            push_numbers(&mut vertices, "vn", &n.to_array());
+        }
         let c = &self.counts;
         let notes = [
             (
@@ -406,8 +491,8 @@ impl Checker {
             ),
             (
                 c.concave_faces,
-                "concave polygons are triangulated as fans from their first vertex, which covers \
-                 too much",
+                "concave polygons whose edges intersect, or too many to triangulate otherwise, are \
+                 fans from their first vertex, which cover too much",
             ),
             (
                 c.bad_uvs,
@@ -425,6 +510,14 @@ impl Checker {
                 c.partial_faces,
                 "normals or texture coordinates of only some vertices of a face are ignored",
             ),
+            (
+                c.painted,
+                "colours of vertices in comments `#MRGB` are not supported; ignored",
+            ),
+            (
+                c.byte_colors,
+                "colours of vertices exceed 1; all are divided by 255",
+            ),
         ];
         for ((n, line), message) in notes {
             if n > 0 {
@@ -437,7 +530,6 @@ impl Checker {
                 .push(("whole file".to_owned(), "the mesh has no faces".to_owned()));
         }
         let Checker {
-            vertices,
             faces,
             groups,
             libraries,
@@ -474,106 +566,4 @@ fn push_numbers(text: &mut String, keyword: &str, numbers: &[f32]) {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn materials_follow_usemtl_and_are_reset_by_objects_after_faces() {
-        let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red paint\no first\nf 1 2 3\no second\nf 1 2 \
-                    3\nusemtl a\ng g\nf 1 2 3\n";
-        let names: Vec<Option<String>> = check(text)
-            .unwrap()
-            .groups
-            .into_iter()
-            .map(|g| g.material)
-            .collect();
-        assert_eq!(
-            names,
-            [Some("red paint".to_owned()), None, Some("a".to_owned())]
-        );
-    }
-
-    #[test]
-    fn errors_name_their_line() {
-        let cases = [
-            ("v 0 0\n", 1, "3 coordinates"),
-            ("v 0 0 0\nv a 0 0\n", 2, "`a` is not a number"),
-            ("v 0 nan 0\n", 1, "not finite"),
-            ("v 0 0 0 0\n", 1, "not finite"),
-            ("v 0 0 0\r\nf 1 2 3\r\n", 2, "index 2 is out of range"),
-            ("v 0 0 0\nf 0 1 1\n", 2, "index 0"),
-            ("v 0 0 0\nf -2 1 1\n", 2, "index -2"),
-            ("v 0 0 0\nf 1/1 1/1 1/1\n", 2, "texture coordinate index 1"),
-            ("v 0 0 0\nf 1//9 1//9 1//9\n", 2, "normal index 9"),
-            ("v 0 0 0\nf 1//// 1 1\n", 2, "more than three"),
-            ("v 0 0 0\nf 9223372036854775807 1 1\n", 2, "out of range"),
-            ("v 0 0 0\nf -9223372036854775808 1 1\n", 2, "out of range"),
-            ("v 0 0 0\nf 1e3 1 1\n", 2, "not an index"),
-            ("vn 0 1\n", 1, "found 2"),
-        ];
-        for (text, line, part) in cases {
-            let error = check(text).unwrap_err();
-            assert_eq!(error.line, line, "{text:?}");
-            assert!(error.problem.contains(part), "{text:?}: {}", error.problem);
-        }
-    }
-
-    #[test]
-    fn unusual_but_valid_files_are_read() {
-        let text = "v 0 0 0\nv 2 0 0 2\nv 0 1 0 1 0 0\nvt 0.5\nf 1/1 \\\n 2/1 3/1\nf -3 -2 -1\nf 4 \
-                    1 2\nv 1 1 1\n";
-        let c = check(text).unwrap();
-        assert!(
-            c.vertices.contains("v 1 0 0\n"),
-            "the weight divides: {}",
-            c.vertices
-        );
-        assert!(
-            c.faces.contains("f 1/1/ 2/1/ 3/1/\n") && c.faces.contains("f 4// 1// 2//\n"),
-            "{}",
-            c.faces
-        );
-        assert_eq!(c.groups.len(), 2);
-        assert!(c.notes.is_empty(), "{:?}", c.notes);
-    }
-
-    #[test]
-    fn ignored_statements_are_noted() {
-        let text = "v 0 0 0\nv 2 0 0\nv 0.1 0.1 0\nv 0 2 0\nvn 0 0 0\nvt nan 0\nl 1 2\np 1\nf 1 \
-                    2\nf 2 3 4 1\nf 1//1 2 3\ncurv 0 1\ncurv 0 1\n";
-        let notes = check(text).unwrap().notes;
-        let all: Vec<String> = notes.iter().map(|(p, m)| format!("{p}: {m}")).collect();
-        for part in [
-            "line 7: line and point elements, which have no surface, are ignored: 2",
-            "line 9: faces with fewer than three vertices are left out: 1",
-            "line 12: statements `curv`",
-            "line 11: normals or texture coordinates of only some",
-        ] {
-            assert!(all.iter().any(|n| n.contains(part)), "{part} in {all:?}");
-        }
-        for part in [
-            "normals without a direction",
-            "texture coordinates that are not finite",
-        ] {
-            assert!(all.iter().any(|n| n.contains(part)), "{part} in {all:?}");
-        }
-        assert_eq!(all.iter().filter(|n| n.contains("curv")).count(), 1);
-    }
-
-    #[test]
-    fn a_concave_polygon_is_noted_unless_its_fan_covers_it_exactly() {
-        let dart = "v 0 0 0\nv 2 1 0\nv 0 2 0\nv 0.5 1 0\n";
-        let noted = |faces: &str| {
-            check(&format!("{dart}{faces}"))
-                .unwrap()
-                .notes
-                .iter()
-                .any(|(_, m)| m.contains("concave"))
-        };
-        assert!(noted("f 1 2 3 4\n"));
-        assert!(
-            !noted("f 4 1 2 3\n"),
-            "a fan from the inner corner covers exactly the dart"
-        );
-    }
-}
+mod tests;

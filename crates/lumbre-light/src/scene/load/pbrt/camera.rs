@@ -6,6 +6,7 @@ use super::Version;
 use super::params::Params;
 use super::token::truncated;
 use crate::scene::desc::{CameraDesc, CameraKind, MAX_SIDE, Optics, VIEW_HEIGHT_RANGE};
+use crate::scene::load::default_scene;
 use crate::scene::load::film::Film;
 use crate::scene::{Note, SceneError};
 
@@ -194,7 +195,7 @@ pub(super) fn read(
     let position = to_world.translation;
     let towards = |direction: DVec3| CameraDesc {
         position: position.as_vec3(),
-        target: (position + direction).as_vec3(),
+        target: default_scene::target(position, direction),
         up: up.as_vec3(),
         ..CameraDesc::default()
     };

@@ -8,6 +8,7 @@ use glam::{DAffine3, DVec3};
 
 use super::light::AreaSource;
 use super::material::MaterialSource;
+use super::names::NameMarks;
 use super::params::Params;
 use super::spectrum::ColorSpace;
 use super::state::{MaterialRef, State, TARGETS, look_at, matrix, rotation};
@@ -42,6 +43,8 @@ struct OpenFile {
 struct Block {
     name: &'static str,
     state: State,
+    /// Marks of the names of textures and materials before it.
+    names: NameMarks,
     place: Place,
 }
 
@@ -266,12 +269,14 @@ impl DirectiveReader {
         self.blocks.push(Block {
             name: begin,
             state: self.state.clone(),
+            names: self.loader.name_marks(),
             place: place.clone(),
         });
         Ok(true)
     }
 
-    /// Ends a block. In version 3 `TransformEnd` restores the transform only.
+    /// Ends a block. In version 3 `TransformEnd` restores the transform only, and the other blocks
+    /// also restore the names of textures and materials.
     fn end_block(&mut self, name: &str, place: &Place) -> Result<bool, SceneError> {
         let stem = name.trim_end_matches("End");
         let first = self.files.last().and_then(|f| f.imported.as_ref());
@@ -287,11 +292,15 @@ impl DirectiveReader {
         if stem == "Object" {
             self.object = None;
         }
-        if stem == "Transform" && self.loader.version == Version::V3 {
+        let version3 = self.loader.version == Version::V3;
+        if stem == "Transform" && version3 {
             self.state.ctm = block.state.ctm;
-        } else {
-            self.state = block.state;
+            return Ok(true);
         }
+        if version3 {
+            self.loader.restore_names(block.names);
+        }
+        self.state = block.state;
         Ok(true)
     }
 
@@ -371,7 +380,7 @@ impl DirectiveReader {
             "Material" | "MakeNamedMaterial" => self.material(name == "Material", place)?,
             "NamedMaterial" => {
                 let material = self.lexer(place)?.quoted("the name of a material")?;
-                self.state.material = MaterialRef::Named(material);
+                self.state.material = self.loader.material_ref(material);
             }
             "Texture" => {
                 let lexer = self.lexer(place)?;
@@ -511,6 +520,8 @@ impl DirectiveReader {
             name: if own { String::new() } else { first.clone() },
             class,
             spectra: self.loader.spectra(&self.state),
+            textures: self.loader.textures.captured(&params),
+            parts: self.loader.parts_of(&params),
             params,
         });
         if own {

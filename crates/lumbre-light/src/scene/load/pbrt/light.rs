@@ -125,7 +125,8 @@ impl LightReader<'_> {
         areas: Areas,
     ) -> Result<(), SceneError> {
         let params = &source.params;
-        if source.class != "diffuse" {
+        // Versions 1 to 3 also know it as `area`.
+        if !["diffuse", "area"].contains(&source.class.as_str()) {
             return Err(params.error(format!(
                 "the area light `{}` is not known; expected `diffuse`",
                 truncated(&source.class)
@@ -161,11 +162,6 @@ impl LightReader<'_> {
             let sides = if two_sided { 2.0 } else { 1.0 };
             let emitted = PI * areas.most * sides * mean;
             color = Self::limited(params, color, power / emitted.max(1e-30))?;
-        }
-        if two_sided {
-            self.notes.push(
-                params.note("`twosided` is not supported; the light emits on its front only"),
-            );
         }
         m.emission = Self::limited(params, color, 1.0)?;
         if let Some(image) = image {

@@ -15,12 +15,14 @@
 //!
 //! `docs/reference/formats.md` lists the supported directives; everything else becomes a [`Note`].
 
+mod area;
 mod camera;
 mod decoding;
 mod directives;
 mod environment;
 mod light;
 mod material;
+mod names;
 mod params;
 mod shape;
 mod spectrum;
@@ -40,6 +42,7 @@ use glam::{DAffine3, DMat3, DVec3};
 
 use self::light::{AreaSource, Areas, LightReader, SceneLight};
 use self::material::MaterialSource;
+use self::names::Scoped;
 use self::params::Params;
 use self::shape::{LoadedShape, ShapeLoader, ShapeOptions};
 use self::spectrum::Spectra;
@@ -149,7 +152,7 @@ struct Loader {
     textures: TextureReader,
     shapes: ShapeLoader,
     /// Materials by name in the file.
-    named: BTreeMap<String, Rc<MaterialSource>>,
+    named: Scoped<Rc<MaterialSource>>,
     /// Converted materials by the address of their source, which is kept.
     converted: BTreeMap<usize, (Rc<MaterialSource>, String)>,
     /// Material of shapes without one.
@@ -183,7 +186,7 @@ impl Loader {
             folder,
             textures: TextureReader::new(missing),
             shapes: ShapeLoader::default(),
-            named: BTreeMap::new(),
+            named: Scoped::default(),
             converted: BTreeMap::new(),
             default_material: None,
             variants: BTreeMap::new(),
@@ -278,18 +281,6 @@ impl Loader {
         }
     }
 
-    /// Returns a material by its name in the file.
-    fn named_material(
-        &self,
-        name: &str,
-        params: &Params,
-    ) -> Result<Rc<MaterialSource>, SceneError> {
-        self.named.get(name).cloned().ok_or_else(|| {
-            let shown = token::truncated(name);
-            params.error(format!("no material with the name `{shown}` precedes"))
-        })
-    }
-
     /// Returns the name of a converted material.
     fn material(
         &mut self,
@@ -332,19 +323,6 @@ impl Loader {
         }
     }
 
-    /// Returns the `alpha` of a shape, unless it is opaque.
-    fn alpha(&self, params: &Params, state: &State) -> Result<Option<TextureValue>, SceneError> {
-        let Some(p) = params.get("alpha") else {
-            return Ok(None);
-        };
-        let purpose = spectrum::Use::Reflectance;
-        let value = self
-            .textures
-            .value_of(p, false, purpose, &self.spectra(state))?;
-        let opaque = matches!(&value, TextureValue::Constant(c) if c.x >= 1.0);
-        Ok((!opaque).then_some(value))
-    }
-
     /// Adds a `Shape`, to the scene or to the object that is being defined.
     fn shape(
         &mut self,
@@ -354,18 +332,19 @@ impl Loader {
         object: Option<&str>,
     ) -> Result<(), SceneError> {
         let base = self.current_material(state, params)?;
-        let alpha = self.alpha(params, state)?;
-        let mut area = state.area_light.clone();
-        if object.is_some() && area.take().is_some() {
-            self.notes
-                .push(params.note("pbrt ignores area lights in object definitions"));
-        }
+        let mut alpha = self.alpha(params, state)?;
+        let area = self.area(params, state, object, &mut alpha);
+        let two_sided = match &area {
+            Some(source) => source.params.flag("twosided", false)?,
+            None => false,
+        };
         let textured_light = area
             .as_ref()
             .is_some_and(|a| a.params.get("filename").is_some());
         let options = ShapeOptions {
             reversed: state.reversed,
             oriented: textured_light
+                || (two_sided && class == "sphere")
                 || matches!(alpha, Some(TextureValue::Image(_)))
                 || self.materials.is_oriented(&base),
             version: self.version,
@@ -382,7 +361,12 @@ impl Loader {
             (&folder, &to_world),
             &mut self.notes,
         )?;
-        let Some(LoadedShape { shape, own, stem }) = read else {
+        let Some(LoadedShape {
+            mut shape,
+            own,
+            stem,
+        }) = read
+        else {
             return Ok(());
         };
         params.note_unread(&mut self.notes);
@@ -390,7 +374,11 @@ impl Loader {
         let material = match (&area, alpha) {
             (None, None) => base,
             (area, alpha) => {
-                let areas = Areas::of(&shape, &(self.world * placed));
+                let to_world = self.world * placed;
+                let areas = Areas::of(&shape, &to_world);
+                if two_sided {
+                    shape = area::two_sided(shape, &to_world);
+                }
                 self.variant(&base, area.as_ref(), alpha, areas, params)?
             }
         };
@@ -433,57 +421,6 @@ impl Loader {
             shape: s.shape.clone(),
         });
         Ok(())
-    }
-
-    /// Returns the name of a copy of a material with the light and the alpha of a shape. Shapes
-    /// with the same light share it, unless it states its power.
-    fn variant(
-        &mut self,
-        base: &str,
-        area: Option<&Rc<AreaSource>>,
-        alpha: Option<TextureValue>,
-        areas: Areas,
-        params: &Params,
-    ) -> Result<String, SceneError> {
-        let address = area.map_or(0, |a| Rc::as_ptr(a) as usize);
-        let key = (
-            base.to_owned(),
-            address,
-            format!("{:?}", alpha.as_ref().map(texture::key)),
-        );
-        let shared = area.is_none_or(|a| a.params.get("power").is_none());
-        if let Some((known, _)) = self.variants.get(&key).filter(|_| shared) {
-            return Ok(known.clone());
-        }
-        let mut m = match self.materials.get(base) {
-            Some(found) => found.clone(),
-            None => material::default_material(base),
-        };
-        m.name = self.names.allocate(&if area.is_some() {
-            format!("{base}_light")
-        } else {
-            base.to_owned()
-        });
-        if let Some(alpha) = alpha.clone() {
-            material::set_mask(&mut m, alpha);
-        }
-        if let Some(source) = area {
-            material::without_parts(&mut m, params, &mut self.notes);
-            let mut reader = LightReader {
-                spectra: &source.spectra,
-                textures: &mut self.textures,
-                notes: &mut self.notes,
-                exposure: self.exposure,
-            };
-            reader.set_emission(&mut m, source, areas)?;
-        }
-        let name = m.name.clone();
-        self.materials.push(m);
-        if shared {
-            let addressed = (area.cloned(), alpha);
-            self.variants.insert(key, (name.clone(), addressed));
-        }
-        Ok(name)
     }
 
     /// Adds the shapes of an object at the place of an `ObjectInstance`.

@@ -122,6 +122,20 @@ impl Params {
         found.inspect(|p| p.read.set(true))
     }
 
+    /// Returns the names of all textures that the parameters refer to.
+    pub fn texture_names(&self) -> impl Iterator<Item = &String> {
+        let defaults = self.defaults.iter().map(|p| &**p);
+        let textures = self
+            .own
+            .iter()
+            .chain(defaults)
+            .filter(|p| p.ty == "texture");
+        textures.flat_map(|p| match &p.values {
+            Values::Texts(names) => names.as_slice(),
+            Values::Numbers(_) => &[],
+        })
+    }
+
     /// Returns the first of these parameters that is present.
     pub fn any(&self, names: &[&str]) -> Option<&Param> {
         names.iter().find_map(|name| self.get(name))

@@ -23,7 +23,8 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     SupportedElement {
         name: "`AttributeBegin`, `TransformBegin`, `Attribute`, `ReverseOrientation`, `ColorSpace`",
         support: "graphics state; defaults of shapes, lights, materials and textures; `srgb`, \
-                  `dci-p3`, `rec2020`",
+                  `dci-p3`, `rec2020`. In version 3 names of textures and materials have the meaning \
+                  of the last directive, up to the end of its block",
         limits: "other colour spaces are noted",
     },
     SupportedElement {
@@ -124,8 +125,9 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`mix`",
-        support: "`materials` and `amount`: one of the two is drawn at every vertex",
-        limits: "",
+        support: "`materials` and `amount`, a number or a texture, in version 3 also a colour: one of the \
+                  two is drawn at every vertex",
+        limits: "a coloured `amount` becomes grey, with a note",
     },
     SupportedElement {
         name: "`interface`, `none`",
@@ -175,8 +177,9 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`AreaLightSource`",
-        support: "`L`, `scale`, `power`, `filename`",
-        limits: "`twosided` is noted",
+        support: "`L`, `scale`, `power`, `filename`, `twosided`; in version 3 also the type `area`",
+        limits: "lights with an `alpha` of 0 are visible, with a note; those on an interface are \
+                 ignored in version 4, as in pbrt, with a note",
     },
     SupportedElement {
         name: "`point`, `distant`",

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use glam::{Affine2, Vec2, Vec3};
 
 use super::decoding::{Decoding, decoding};
+use super::names::Scoped;
 use super::params::{Param, Params};
 use super::spectrum::{Spectra, Use};
 use super::token::truncated;
@@ -77,10 +78,13 @@ pub(super) struct TextureReader {
     images: ImageCache,
     missing: MissingTextures,
     /// Textures of numbers by name.
-    numbers: BTreeMap<String, TextureValue>,
+    numbers: Scoped<TextureValue>,
     /// Textures of colours by name.
-    colors: BTreeMap<String, TextureValue>,
+    colors: Scoped<TextureValue>,
 }
+
+/// Values that the names of textures had when a directive was read: of numbers and of colours.
+pub(super) type Captured = BTreeMap<String, [Option<TextureValue>; 2]>;
 
 /// Context of reading a texture.
 pub(super) struct TextureContext<'a> {
@@ -94,9 +98,29 @@ impl TextureReader {
         TextureReader {
             images: ImageCache::default(),
             missing,
-            numbers: BTreeMap::new(),
-            colors: BTreeMap::new(),
+            numbers: Scoped::default(),
+            colors: Scoped::default(),
         }
+    }
+
+    /// Returns marks of the names of textures.
+    pub fn marks(&self) -> [usize; 2] {
+        [self.numbers.mark(), self.colors.mark()]
+    }
+
+    /// Restores the names of textures to those at marks.
+    pub fn restore(&mut self, [numbers, colors]: [usize; 2]) {
+        self.numbers.restore(numbers);
+        self.colors.restore(colors);
+    }
+
+    /// Returns the textures that parameters refer to.
+    pub fn captured(&self, params: &Params) -> Captured {
+        let values = |name: &String| {
+            let tables = [&self.numbers, &self.colors];
+            (name.clone(), tables.map(|table| table.get(name).cloned()))
+        };
+        params.texture_names().map(values).collect()
     }
 
     /// Reads a `Texture` directive.
@@ -223,13 +247,8 @@ impl TextureReader {
             } else {
                 &self.numbers
             };
-            return table.get(name).cloned().ok_or_else(|| {
-                let kind = if of_color { "spectrum" } else { "float" };
-                let shown = truncated(name);
-                p.error(format!(
-                    "no `{kind}` texture with the name `{shown}` precedes"
-                ))
-            });
+            let value = table.get(name).cloned();
+            return value.ok_or_else(|| unknown(p, name, of_color));
         }
         if of_color {
             return spectra.color(p, purpose).map(TextureValue::Constant);
@@ -527,6 +546,15 @@ const DEFAULTS: [(&str, f64); 4] = [
     ("udelta", 0.0),
     ("vdelta", 0.0),
 ];
+
+/// Creates the error about a parameter that refers to an unknown texture.
+pub(super) fn unknown(p: &Param, name: &str, of_color: bool) -> SceneError {
+    let kind = if of_color { "spectrum" } else { "float" };
+    let shown = truncated(name);
+    p.error(format!(
+        "no `{kind}` texture with the name `{shown}` precedes"
+    ))
+}
 
 /// Returns the mean of a texture.
 pub(super) fn mean(value: &TextureValue, of_color: bool) -> Vec3 {

@@ -31,12 +31,12 @@ pub(in crate::scene::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`vertex_indices`, `vertex_index`",
-        support: "faces, triangulated as fans",
-        limits: "",
+        support: "faces, concave ones included",
+        limits: "polygons whose edges intersect are noted",
     },
     SupportedElement {
         name: "all other elements and properties",
-        support: "skipped",
-        limits: "",
+        support: "",
+        limits: "noted by name, such as colours and texture coordinates of faces",
     },
 ];

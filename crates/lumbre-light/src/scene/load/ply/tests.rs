@@ -63,10 +63,9 @@ fn all_encodings_yield_the_same_mesh() {
         "oriented to the side of the normals"
     );
     assert_eq!((ascii.slots.len(), ascii.triangle_slot.len()), (1, 3));
-    assert!(
-        notes.is_empty() && ascii.colors.is_empty(),
-        "red alone is not a colour: {notes:?}"
-    );
+    assert!(ascii.colors.is_empty(), "red alone is not a colour");
+    let messages: Vec<&str> = notes.iter().map(|n| n.message.as_str()).collect();
+    assert_eq!(messages, ["the element `edge` is not supported; ignored"]);
     for format in ["binary_little_endian", "binary_big_endian"] {
         assert_eq!(
             read_bytes(&quad(format)).unwrap().0.content_hash,
@@ -123,4 +122,26 @@ fn no_truncated_or_flipped_file_panics() {
             let _ = read_bytes(&flipped);
         }
     }
+}
+
+#[test]
+fn concave_polygons_are_covered_exactly() {
+    let text = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\n\
+                property float z\nelement face 1\nproperty list uchar int vertex_indices\n\
+                property list uchar float texcoord\nend_header\n\
+                -1 -1 0\n1 -1 0\n1 1 0\n0.8 -0.8 0\n-1 -0.8 0\n5 0 1 2 3 4 0\n";
+    let (mesh, notes) = read_bytes(text.as_bytes()).unwrap();
+    let area = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|i| mesh.positions[i as usize]);
+        let cross = (b - a).cross(c - a);
+        assert!(cross.z > 0.0, "{t:?}");
+        0.5 * cross.length()
+    };
+    let sum: f32 = mesh.triangles.iter().map(area).sum();
+    assert!((sum - 0.58).abs() < 1e-6, "{sum}");
+    let message = &notes[0].message;
+    assert!(
+        message.contains("`face`") && message.contains("`texcoord`"),
+        "{message}"
+    );
 }

@@ -40,7 +40,7 @@ use serde_json::Value as Json;
 
 use self::material::TextureFiles;
 use self::reader::{Diagnostics, JsonObject, describe, numbers, truncated};
-use super::obj::{Front, load_mesh};
+use super::obj::{Front, Smoothing, load_mesh};
 use super::{MissingTextures, canonical, read_file};
 use crate::scene::desc::{
     CameraDesc, DEFAULT_MATERIAL, EntityDesc, MAX_EDGES, MAX_SIDE, MaterialDesc, MeshDesc, Optics,
@@ -450,7 +450,8 @@ impl EntityReader {
         if let Some(mesh) = self.meshes.get(&key) {
             return Ok(mesh.clone());
         }
-        let mesh = load_mesh(&path, default, Front::Clockwise, &mut diagnostics.notes);
+        let conventions = (Front::Clockwise, Smoothing::Groups);
+        let mesh = load_mesh(&path, default, conventions, &mut diagnostics.notes);
         let mesh = Arc::new(mesh.map_err(|e| diagnostics.at_reference(&at, e))?);
         self.meshes.insert(key, mesh.clone());
         Ok(mesh)

@@ -4,7 +4,7 @@
 use glam::Vec3;
 
 use super::state::{Vertex, VertexState};
-use super::store::VertexId;
+use super::store::{VertexId, VertexStore};
 use super::weights::{MisPartials, StrategyCounts, others_merging};
 use crate::math::real::{Double, Mask, Real, Vector};
 use crate::math::simd::Lanes;
@@ -45,6 +45,20 @@ pub struct Merging<'a> {
 }
 
 impl Merging<'_> {
+    /// Loads light vertices that merge with camera vertices: see
+    /// [`VertexStore::merging_states`].
+    #[inline(always)]
+    pub fn light_vertices<R: Lanes<N>, const N: usize>(
+        &self,
+        ids: [VertexId; N],
+    ) -> (VertexState<R>, MisPartials<R::Double>) {
+        let stores = self.paths.stores();
+        (
+            VertexStore::merging_states::<R, N>(stores, ids),
+            VertexStore::partials::<R, N>(stores, ids),
+        )
+    }
+
     /// Visits the light vertices that merge with the camera vertex number `t`, in the order of the
     /// map, each with its number of edges from the light.
     #[inline(always)]

@@ -20,6 +20,9 @@ pub struct VertexEvent {
     pub class: u32,
     /// Index ratio crossed by the Dirac event that leads to the next vertex; 0 for other events.
     eta: f32,
+    /// Probability with which the mask of the surface accepted the hit: see
+    /// [`Arrival::acceptance`](crate::transport::arrival::Arrival::acceptance).
+    acceptance: f32,
     /// Number of edges from the start of the subpath.
     edge: u16,
     /// Whether a surface may scatter light there from more than isolated directions.
@@ -37,6 +40,12 @@ impl VertexEvent {
     /// Returns whether a surface may scatter light there from more than isolated directions.
     pub fn scatters(&self) -> bool {
         self.scatters
+    }
+
+    /// Returns the probability with which the mask of the surface accepted the hit. What another
+    /// path that was accepted itself gathers there is divided by it.
+    pub fn acceptance(&self) -> f32 {
+        self.acceptance
     }
 
     /// Returns whether the event that leads to the next vertex is a Dirac event.
@@ -79,6 +88,8 @@ pub struct ArrivedAt<const N: usize> {
     pub edge: u32,
     /// Indices of the components of composed materials, or [`NONE`].
     pub components: [u32; N],
+    /// Probabilities with which the masks of the surfaces accepted the hits.
+    pub acceptance: [f32; N],
 }
 
 /// Vertices of subpaths, in the order in which they were added.
@@ -156,6 +167,7 @@ impl VertexStore {
             self.events.push(VertexEvent {
                 class: at.class as u32,
                 eta: etas[i],
+                acceptance: at.acceptance[i],
                 edge: at.edge as u16,
                 // Camera paths draw their own component of a composed material.
                 scatters: connects || at.components[i] != NONE,
@@ -211,6 +223,23 @@ impl VertexStore {
         ids: [VertexId; N],
     ) -> VertexState<R> {
         VertexRecord::load(rows(stores, ids, |store| &store.records))
+    }
+
+    /// Loads light vertices that merge with camera vertices, without their BSDFs. Their throughput
+    /// is that of light on covered points: both subpaths were accepted by the mask of the one
+    /// surface, which counts once.
+    #[inline(always)]
+    pub fn merging_states<R: Lanes<N>, const N: usize>(
+        stores: &[VertexStore],
+        ids: [VertexId; N],
+    ) -> VertexState<R> {
+        let state = VertexStore::states::<R, N>(stores, ids);
+        let acceptance = map_array(ids, |id| VertexStore::event(stores, id).acceptance);
+        let covered = R::splat(1.0) / R::load(&acceptance);
+        VertexState {
+            throughput: state.throughput * covered,
+            ..state
+        }
     }
 
     /// Loads the partial sums of vertices.

@@ -16,7 +16,7 @@ use crate::transport::integrator::bdpt::state::{
 };
 use crate::transport::integrator::bdpt::store::{ArrivedAt, VertexId, VertexStore};
 use crate::transport::integrator::bdpt::subpath::{Departure, Step, StepSink};
-use crate::transport::integrator::bdpt::weights::{MisPartials, StrategyCounts};
+use crate::transport::integrator::bdpt::weights::StrategyCounts;
 use crate::transport::integrator::camera_path::Path;
 use crate::transport::ray::Ray;
 use crate::transport::sampler::{Sampler, SamplerRow};
@@ -178,11 +178,11 @@ fn follow(
             max_edges,
             counts,
         };
-        let components = arrival.components;
         let at = ArrivedAt {
             class,
             edge,
-            components,
+            components: arrival.components,
+            acceptance: arrival.acceptance(context.classes, context.scene),
         };
         let mut sink = StoreSink { at, store };
         let departure = subpath.scatter(context, BsdfDirections, step, &arrival, true, &mut sink);
@@ -262,11 +262,6 @@ impl LightPaths {
     /// Returns a vertex with its BSDF.
     pub fn vertex(&self, context: &Context, id: VertexId) -> SubpathVertex {
         self.stores[id.unit()].vertex(context, id.index())
-    }
-
-    /// Returns a vertex without its BSDF, with the partial sums of MIS terms.
-    pub fn state(&self, id: VertexId) -> (VertexState<f32>, MisPartials) {
-        self.stores[id.unit()].state(id.index())
     }
 
     /// Returns the subpath to which a vertex belongs.

@@ -22,6 +22,9 @@
 //! the photons of its diffuse lobe and samples a narrow highlight. Light that a camera path hits
 //! counts fully, since all its events were sampled.
 //!
+//! A mask with values between 0 and 1 accepts photons and camera paths each with its probability,
+//! and counts once: the flux of a photon is divided by it.
+//!
 //! Light that no camera path can hit is the exception: of point and directional lights, the first
 //! vertex on the way from the light that is not a Dirac event always gathers. At lifted points
 //! such light is lost.
@@ -49,7 +52,7 @@ use crate::value::schema::Table;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "sppm",
     long_name: "stochastic progressive photon mapping, consistent but biased",
-    revision: 3,
+    revision: 4,
     doc: "Photons from the lights are gathered where camera paths meet the first surface that is \
           not nearly specular, within a radius that shrinks from sample to sample [Hachisuka & \
           Jensen 2009; Knaus & Zwicker 2011].",

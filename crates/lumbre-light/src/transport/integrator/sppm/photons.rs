@@ -28,7 +28,8 @@ record! {
         /// Unit direction to the previous vertex of the light subpath.
         wi: Vec3,
         /// Emitted radiance times all cosines and BSDF values over all densities: the flux, times
-        /// the number of photons.
+        /// the number of photons, and over the probability with which the mask of the surface
+        /// accepted the photon. Camera paths that gather it were accepted themselves.
         flux: Vec3,
         /// Unit normal of the surface's front side.
         normal: Vec3,
@@ -174,7 +175,7 @@ fn for_each_photon(
                 let (state, _) = store.state(index);
                 let [photon] = PhotonRecord::store::<f32, 1>(Photon {
                     wi: state.wo,
-                    flux: state.throughput,
+                    flux: state.throughput * (1.0 / event.acceptance()),
                     normal: state.n_geometric,
                     edges: event.edges(),
                     unhittable: f32::from(u8::from(unhittable && straight)),

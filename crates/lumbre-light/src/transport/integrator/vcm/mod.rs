@@ -14,6 +14,8 @@
 //! and take constant time ([`weights`](super::bdpt::weights)). Connections find most light; merging
 //! finds what no connection can, such as caustics seen in mirrors.
 //!
+//! - A mask with values between 0 and 1 accepts light and camera subpaths each with its probability;
+//!   where two merge, the light subpath is divided by it.
 //! - Merging blurs light over the disk, so pictures are biased, less the smaller the radius. The
 //!   film averages iterations with ever smaller radii and converges for `0 < alpha < 1`.
 //! - With `join = "connect"` no subpath is shared, and samples are those of `bdpt`, unbiased.
@@ -46,7 +48,7 @@ use crate::value::schema::Table;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "vcm",
     long_name: "vertex connection and merging, consistent but biased",
-    revision: 3,
+    revision: 4,
     doc: "Paths from the camera and from the lights are connected in every way, and merged where \
           their vertices are near each other, within a radius that shrinks from sample to sample \
           [Georgiev et al. 2012; Knaus & Zwicker 2011].",
@@ -201,7 +203,7 @@ fn merge(reporter: &mut Reporter<BsdfDirections>, merging: &Merging, z: &Vertex,
     let samples = f64::from(merging.map.scale()).recip();
     let context = reporter.context;
     merging.for_each_near::<f32, 1>(context, &z.state, t, |id, s| {
-        let (y, partials) = merging.paths.state(id);
+        let (y, partials) = merging.light_vertices::<f32, 1>([id]);
         let Some(merged) = Merged::<f32>::new::<1>(context, merging, (&y, partials), z, true)
         else {
             return;

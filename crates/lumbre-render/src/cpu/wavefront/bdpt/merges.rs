@@ -6,7 +6,6 @@ use lumbre_light::math::real::{Double, Mask};
 use lumbre_light::math::simd::{Lanes, SimdKernel, active_lanes, map_array, padded};
 use lumbre_light::transport::integrator::bdpt::directions::SubpathDirections;
 use lumbre_light::transport::integrator::bdpt::merge::{Merged, Merging};
-use lumbre_light::transport::integrator::bdpt::store::VertexStore;
 
 /// Kernel that evaluates the pairs to merge, listed by class of the camera vertex, and empties the
 /// lists.
@@ -51,9 +50,7 @@ impl<D: SubpathDirections> Connecting<'_, D> {
         let context = self.tile.context;
         let camera = &self.vertices.camera.store;
         let z = camera.load::<R, N>(context, class, map_array(pairs, |pair| pair.z));
-        let (stores, ids) = (self.light.stores, map_array(pairs, |pair| pair.y));
-        let y = VertexStore::states::<R, N>(stores, ids);
-        let partials = VertexStore::partials::<R, N>(stores, ids);
+        let (y, partials) = merging.light_vertices::<R, N>(map_array(pairs, |pair| pair.y));
         let lanes = R::Mask::first(group.len());
         let Some(merged) = Merged::new::<N>(context, merging, (&y, partials), &z, lanes) else {
             return;

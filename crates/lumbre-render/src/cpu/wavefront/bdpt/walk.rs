@@ -302,6 +302,7 @@ impl<D: SubpathDirections> SimdKernel for StepKernel<'_, '_, D> {
                     class,
                     edge: step.edge,
                     components: arrival.components,
+                    acceptance: arrival.acceptance(context.classes, context.scene),
                 },
                 paths,
                 vertices,

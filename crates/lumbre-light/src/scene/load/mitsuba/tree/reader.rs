@@ -67,6 +67,7 @@ pub(in crate::scene::load::mitsuba) fn scene(
         files: Vec::new(),
         sizes: BTreeMap::new(),
         bytes_read: 0,
+        legacy: false,
         notes,
     };
     let root = reader.file(path)?;
@@ -92,6 +93,8 @@ struct XmlReader<'n> {
     sizes: BTreeMap<PathBuf, usize>,
     /// Number of bytes read in total, each inclusion counted.
     bytes_read: usize,
+    /// Whether the current file is one of version 0.6 or older.
+    legacy: bool,
     notes: &'n mut Vec<Note>,
 }
 
@@ -188,7 +191,12 @@ impl XmlReader<'_> {
             file: Rc::from(path),
             ends: &ends,
         };
+        let outer = self.legacy;
+        if let Some(version) = element.node.attribute("version") {
+            self.legacy = version.trim_start().starts_with("0.");
+        }
         let root = self.object(&element, 0);
+        self.legacy = outer;
         self.files.pop();
         root
     }
@@ -310,9 +318,14 @@ impl XmlReader<'_> {
                 }
             },
             "string" => PropertyValue::Text(value(self)?),
-            "rgb" | "srgb" => PropertyValue::Color(values::color(&value(self)?).map_err(fail)?),
+            "rgb" => PropertyValue::Color(values::color(&value(self)?).map_err(fail)?),
+            "srgb" => PropertyValue::Color(values::srgb_color(&value(self)?).map_err(fail)?),
             "spectrum" => {
-                let spectrum = self.spectrum(element)?;
+                let spectrum = match self.spectrum(element)? {
+                    // Version 0.6 takes D65 for a single value in an emitter.
+                    Spectrum::Constant(x) if self.legacy => Spectrum::Grey(x),
+                    other => other,
+                };
                 PropertyValue::Color(spectrum.color(emits).map_err(fail)?)
             }
             "point" | "vector" => PropertyValue::Vector(self.vector(element, Vec3::ZERO)?),
@@ -395,28 +408,33 @@ impl XmlReader<'_> {
     /// Returns one step of a transform.
     fn transform_step(&mut self, element: &Element) -> Result<DAffine3, SceneError> {
         let fail = |problem: String| element.error(problem);
-        Ok(match element.node.tag_name().name() {
-            "translate" => DAffine3::from_translation(self.vector(element, Vec3::ZERO)?.as_dvec3()),
-            "scale" => DAffine3::from_scale(self.vector(element, Vec3::ONE)?.as_dvec3()),
-            "rotate" => self.rotation(element)?,
-            "matrix" => values::matrix(&self.required(element, "value")?).map_err(fail)?,
-            "lookat" | "look_at" => {
-                let read =
-                    |name: &str| values::vector(&self.required(element, name)?).map_err(fail);
-                let up = if element.node.attribute("up").is_some() {
-                    read("up")?
-                } else {
-                    Vec3::Y
-                };
-                values::look_at(read("origin")?, read("target")?, up).map_err(fail)?
-            }
-            other => {
-                return Err(fail(format!(
-                    "`{}` is not a step of a transform",
-                    values::truncated(other)
-                )));
-            }
-        })
+        // Version 0.6 accepts `lookAt` and `lookat`.
+        Ok(
+            match values::snake_case(element.node.tag_name().name()).as_str() {
+                "translate" => {
+                    DAffine3::from_translation(self.vector(element, Vec3::ZERO)?.as_dvec3())
+                }
+                "scale" => DAffine3::from_scale(self.vector(element, Vec3::ONE)?.as_dvec3()),
+                "rotate" => self.rotation(element)?,
+                "matrix" => values::matrix(&self.required(element, "value")?).map_err(fail)?,
+                "lookat" | "look_at" => {
+                    let read =
+                        |name: &str| values::vector(&self.required(element, name)?).map_err(fail);
+                    let up = if element.node.attribute("up").is_some() {
+                        read("up")?
+                    } else {
+                        Vec3::Y
+                    };
+                    values::look_at(read("origin")?, read("target")?, up).map_err(fail)?
+                }
+                other => {
+                    return Err(fail(format!(
+                        "`{}` is not a step of a transform",
+                        values::truncated(other)
+                    )));
+                }
+            },
+        )
     }
 
     /// Reads a vector from `value`, or from `x`, `y` and `z`.

@@ -5,17 +5,20 @@
 mod rough;
 mod version3;
 
+use std::collections::BTreeMap;
+use std::rc::Rc;
 use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::Loader;
 use super::params::{Param, Params};
 use super::spectrum::{Spectra, Use};
-use super::texture::{ImageTexture, TextureContext, TextureValue, mean};
+use super::texture::{self, Captured, ImageTexture, TextureContext, TextureValue, mean};
 use super::token::truncated;
+use super::{Loader, Version};
 use crate::scene::desc::material_params::MIN_IOR;
 use crate::scene::desc::{MaskMode, MaterialDesc, Model, TextureDesc, TextureSlot};
+use crate::scene::load::images::is_grey;
 use crate::scene::{Note, SceneError, model_differences};
 
 /// Greatest depth of mixes in mixes.
@@ -32,6 +35,34 @@ pub(super) struct MaterialSource {
     pub params: Params,
     /// Meaning of its spectra.
     pub spectra: Spectra,
+    /// Textures that it refers to, as they were named when the directive was read.
+    pub textures: Captured,
+    /// Materials that it is a mix of, in version 3, as they were named then.
+    pub parts: BTreeMap<String, Rc<MaterialSource>>,
+}
+
+impl MaterialSource {
+    /// Returns whether it transmits everything.
+    pub fn is_interface(&self) -> bool {
+        matches!(self.class.as_str(), "interface" | "none" | "")
+    }
+
+    /// Returns the texture of a parameter that preceded the directive. In version 4, where every
+    /// name has one value, textures may follow.
+    fn captured(&self, p: &Param, of_color: bool) -> Option<Result<TextureValue, SceneError>> {
+        if p.ty != "texture" {
+            return None;
+        }
+        let [name] = p.texts().ok()? else {
+            return None;
+        };
+        let values = self.textures.get(name)?;
+        match &values[usize::from(of_color)] {
+            Some(value) => Some(Ok(value.clone())),
+            None if self.spectra.version == Version::V4 => None,
+            None => Some(Err(texture::unknown(p, name, of_color))),
+        }
+    }
 }
 
 /// Conversion of one material.
@@ -127,14 +158,14 @@ impl<'a> MaterialReader<'a> {
         of_color: bool,
         default: f32,
     ) -> Result<TextureValue, SceneError> {
-        let mut context = TextureContext {
-            spectra: &self.source.spectra,
-            notes: &mut self.loader.notes,
+        let source = self.source;
+        let Some(p) = source.params.get(name) else {
+            return Ok(TextureValue::Constant(Vec3::splat(default)));
         };
-        let default = Vec3::splat(default);
-        self.loader
-            .textures
-            .value(&self.source.params, name, of_color, default, &mut context)
+        let textures = &self.loader.textures;
+        source
+            .captured(p, of_color)
+            .unwrap_or_else(|| textures.value_of(p, of_color, Use::Reflectance, &source.spectra))
     }
 
     /// Returns a parameter that cannot have a texture here: of an image the mean, with a note.
@@ -355,12 +386,15 @@ impl<'a> MaterialReader<'a> {
             )));
         }
         for name in names {
-            let part = self.loader.named_material(name, &source.params)?;
+            let part = match source.parts.get(name) {
+                Some(part) => part.clone(),
+                None => self.loader.named_material(name, &source.params)?,
+            };
             let part = self.loader.material(&part, self.depth + 1)?;
             self.m.parts.push(part);
         }
         let of_second = version4.is_some();
-        let amount = self.value("amount", false, 0.5)?;
+        let amount = self.amount(of_second)?;
         let amount = match (amount, of_second) {
             (TextureValue::Image(image), false) => {
                 TextureValue::Image(self.mapped(image, "inverse", |x| 1.0 - x)?)
@@ -374,6 +408,33 @@ impl<'a> MaterialReader<'a> {
             image.apply_to(&mut self.m, TextureSlot::Weights);
         }
         Ok(())
+    }
+
+    /// Returns the `amount` of a mix: a number in version 4, and a colour in version 3, of which the
+    /// mean of the channels is used.
+    fn amount(&mut self, version4: bool) -> Result<TextureValue, SceneError> {
+        let is_number = self.params().get("amount").is_some_and(|p| p.ty == "float");
+        if version4 || is_number {
+            return self.value("amount", false, 0.5);
+        }
+        let coloured = "a coloured `amount` is not supported; the mean of its channels is used";
+        match self.value("amount", true, 0.5)? {
+            TextureValue::Constant(c) => {
+                if c.max_element() != c.min_element() {
+                    self.note(coloured);
+                }
+                Ok(TextureValue::Constant(Vec3::splat(c.element_sum() / 3.0)))
+            }
+            TextureValue::Image(image) => {
+                if !is_grey(&image.image) {
+                    self.note(coloured);
+                }
+                let grey = |[r, g, b, _]: [f32; 4]| [(r + g + b) / 3.0; 4];
+                let textures = &mut self.loader.textures;
+                let image = textures.mapped(&self.source.params, image, "grey amount", grey)?;
+                Ok(TextureValue::Image(image))
+            }
+        }
     }
 
     /// Applies a function to the numbers of an image; `how` names it.

@@ -169,8 +169,8 @@ impl ShapeLoader {
             });
         }
         notes.push(params.note(
-            "a sphere that is partial, textured, anisotropic, stretched or inside out becomes a \
-             mesh of triangles",
+            "a sphere that is partial, textured, anisotropic, stretched or inside out, or emits on \
+             both sides, becomes a mesh of triangles",
         ));
         let numbers = [low as f32, high as f32, turn as f32, 0.0];
         let shape = self.generate(params, ("sphere", numbers), options, || {
