@@ -28,7 +28,7 @@ local scenes = {
   door_ajar = { view = "room", samples = 2560, integrator = "bdpt", options = { opening = 30 } },
   forest = { view = "glade", samples = 96 },
   -- Bidirectional: a small lamp behind glass and metal.
-  still_life = { view = "front", samples = 512, integrator = "bdpt", height = upright },
+  still_life = { view = "front", samples = 64, integrator = "bdpt", height = upright },
   many_lights = { view = "row", samples = 512 },
   instances = { view = "tray", samples = 256 },
   model = { view = "front", samples = 256, options = { floor = true } },

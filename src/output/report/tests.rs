@@ -302,7 +302,7 @@ fn equal_error_shows_fewer_samples_of_the_better_technique() {
     // The worst final RMSE is 0.01838, of bpt at 128 samples. nee has 0.025 at 16 samples and
     // 0.0125 at 64; the ratio to the former is closer to 1.
     assert!(
-        svg.contains(">128 spp, 1.3 s</text>") && svg.contains(">16 spp, 0.26 s</text>"),
+        svg.contains(">128 spp, 1.3 s</text>") && svg.contains(">16 spp, 0.32 s</text>"),
         "{svg}"
     );
 }

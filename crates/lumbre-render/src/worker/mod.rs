@@ -90,18 +90,18 @@ impl WorkerPool {
         Ok(process)
     }
 
-    /// Opens the device that runs will be rendered on, in the worker, which a damaged loader or driver
-    /// may crash. Returns why the device cannot be opened, or `None` if it was or there is none.
+    /// Opens the device that runs will be rendered on, in a worker of its own, which a damaged loader or
+    /// driver may crash. Returns why the device cannot be opened, or `None` if it was or there is
+    /// none.
     ///
     /// # Errors
     /// Returns an error if the worker dies or does not answer.
     pub fn device(&self) -> Result<Option<String>, String> {
-        let process = self.worker()?;
-        let reply = lock(&process).request(&Request::Device, Some(DEVICE_TIMEOUT))?;
-        match reply {
+        let mut process = WorkerProcess::start(&self.launcher)?;
+        match process.request(&Request::Device, Some(DEVICE_TIMEOUT))? {
             Reply::Device(refused) => Ok(refused),
             Reply::Failed(error) => Err(error.to_string()),
-            _ => Err(lock(&process).end(PROTOCOL_ERROR)),
+            _ => Err(process.end(PROTOCOL_ERROR)),
         }
     }
 
