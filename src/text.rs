@@ -103,12 +103,18 @@ pub fn describe_io(error: &std::io::Error) -> String {
     }
 }
 
-/// Formats one CSV field, quoted if necessary [RFC 4180]. Spreadsheets take text that begins like a formula
-/// for one, so an apostrophe goes before it, unless it is a number.
+/// Formats one CSV field, quoted if necessary [RFC 4180]. Spreadsheets take text that begins like a
+/// formula for one, so an apostrophe goes before it, unless it is a number, and before text that
+/// begins with an apostrophe itself.
 pub fn csv_field(text: &str) -> String {
-    if text.starts_with(FORMULA) && text.parse::<f64>().is_err() {
-        return csv_field(&format!("'{text}"));
+    if text.starts_with(MARKED) && text.parse::<f64>().is_err() {
+        return quoted(&format!("'{text}"));
     }
+    quoted(text)
+}
+
+/// Quotes a CSV field if necessary.
+fn quoted(text: &str) -> String {
     if text.contains(['"', ',', '\n', '\r']) || text.trim() != text {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {
@@ -116,8 +122,8 @@ pub fn csv_field(text: &str) -> String {
     }
 }
 
-/// Characters with which formulas of spreadsheets begin.
-const FORMULA: [char; 6] = ['=', '+', '-', '@', '\t', '\r'];
+/// Characters with which formulas of spreadsheets begin, and the apostrophe that marks text.
+const MARKED: [char; 7] = ['=', '+', '-', '@', '\t', '\r', '\''];
 
 /// Formats one CSV line, including its line feed.
 pub fn csv_line<S: AsRef<str>>(fields: &[S]) -> String {
@@ -143,10 +149,7 @@ pub fn csv_fields(line: &str) -> Vec<String> {
         }
     }
     for field in &mut fields {
-        if field
-            .strip_prefix('\'')
-            .is_some_and(|rest| rest.starts_with(FORMULA))
-        {
+        if field.starts_with('\'') {
             field.remove(0);
         }
     }
@@ -171,9 +174,9 @@ mod tests {
         let line = csv_line(&fields);
         assert_eq!(line, "plain,\"a, b\",\"say \"\"hi\"\"\",\" \",\n");
         assert_eq!(csv_fields(line.trim_end_matches('\n')), fields);
-        let fields = ["=1+1", "-2.5", "+inf", "-a, b", "@x", "'plain"];
+        let fields = ["=1+1", "-2.5", "+inf", "-a, b", "@x", "'=x"];
         let line = csv_line(&fields);
-        assert_eq!(line, "'=1+1,-2.5,+inf,\"'-a, b\",'@x,'plain\n");
+        assert_eq!(line, "'=1+1,-2.5,+inf,\"'-a, b\",'@x,''=x\n");
         assert_eq!(csv_fields(line.trim_end_matches('\n')), fields);
     }
 

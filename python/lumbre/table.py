@@ -32,7 +32,8 @@ class Table:
         """Reads a CSV file with a header. A column whose fields are all numbers or empty has
         numbers, and integers if all are whole; an empty field is ``None``."""
         with open(path, newline="", encoding="utf-8") as file:
-            lines = list(csv.reader(file))
+            # An apostrophe marks text that spreadsheets would take for a formula.
+            lines = [[field.removeprefix("'") for field in line] for line in csv.reader(file)]
         header, fields = (lines[0], lines[1:]) if lines else ([], [])
         columns = [_values([line[index] for line in fields]) for index in range(len(header))]
         rows = [dict(zip(header, row)) for row in zip(*columns)]

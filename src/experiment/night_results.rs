@@ -113,8 +113,8 @@ pub struct RunResult {
     pub lanes: Option<u32>,
     /// External program that rendered the run, if any.
     pub peer: Option<Peer>,
-    /// Share of the time inside the renderer that other work on the machine took, or during which the process
-    /// was stopped; `None` if the run is not finished or that was not watched.
+    /// Share of the time inside the renderer that other work on the machine took, or during which
+    /// the process was stopped; `None` if the run is not finished or that was not watched.
     pub lost_share: Option<f64>,
     /// State of the run.
     pub state: RunState,

@@ -25,8 +25,8 @@ pub struct HalfImages {
 const ROUNDING: f32 = 1e-5;
 
 impl HalfImages {
-    /// Returns the shares of pixels without noise: black ones, which are background or which no path has
-    /// lit, and others, which are background of one colour.
+    /// Returns the shares of pixels without noise: black ones, which are background or which no
+    /// path has lit, and others, which are background of one colour.
     pub fn shares_without_noise(&self) -> [f64; 2] {
         let [a, b] = &self.means;
         let is_equal = |(a, b): (&f32, &f32)| (a - b).abs() <= ROUNDING * a.abs().max(b.abs());

@@ -21,8 +21,8 @@ pub struct WaveRow {
     /// Wall-clock seconds so far, with measuring and without pauses. For an interleaved run only
     /// its own turns count.
     pub wall_s: f64,
-    /// Seconds so far that other work on the machine took from the renderer, or during which the process
-    /// was stopped; not included in `render_s`, and 0 where that is not watched.
+    /// Seconds so far that other work on the machine took from the renderer, or during which the
+    /// process was stopped; not included in `render_s`, and 0 where that is not watched.
     pub lost_s: f64,
     /// Seconds spent measuring so far; not included in `render_s`.
     pub measure_s: f64,

@@ -18,8 +18,8 @@ struct Clocks {
     most_lost: f64,
 }
 
-/// Returns sentences on clocks that other work on the machine disturbed or that nothing watched, and on the
-/// order of techniques. Each finished run has the label of its technique and its
+/// Returns sentences on clocks that other work on the machine disturbed or that nothing watched,
+/// and on the order of techniques. Each finished run has the label of its technique and its
 /// [`RunResult::lost_share`](crate::experiment::night_results::RunResult::lost_share).
 pub fn caveats<'a>(runs: impl Iterator<Item = (&'a str, Option<f64>)>, order: &str) -> Vec<String> {
     let mut techniques: BTreeMap<&str, Clocks> = BTreeMap::new();
@@ -50,15 +50,15 @@ pub fn caveats<'a>(runs: impl Iterator<Item = (&'a str, Option<f64>)>, order: &s
     let mut sentences = Vec::new();
     if !disturbed.is_empty() {
         sentences.push(format!(
-            "Other work on the machine took the processor from {}. Render times leave that out; what it \
-             did to caches stays in them.",
+            "Other work on the machine, or a stop of the process, took time from {}. Render times do not \
+             contain it; they contain the effect of other work on caches.",
             disturbed.join(", ")
         ));
     }
     if !unwatched.is_empty() {
         sentences.push(format!(
-            "Whether other work on the machine slowed {} could not be watched: devices and other programs do \
-             not tell how long they waited for a processor.",
+            "Whether other work on the machine slowed {} could not be watched: devices, other programs and \
+             some systems do not tell how long threads waited for a processor.",
             unwatched.join(", ")
         ));
     }

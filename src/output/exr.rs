@@ -13,7 +13,6 @@ use exr::prelude::{
     WritableImage,
 };
 
-use super::picture::max_pixels;
 use super::{OutputError, PREFIX, check_shape};
 use lumbre_light::film::Image;
 use lumbre_light::scene::load::openexr;
@@ -134,10 +133,12 @@ fn sort_attributes(bytes: &mut [u8]) -> Option<()> {
 ///
 /// # Errors
 /// Returns an error if the file is not an EXR with RGB channels, is damaged, or has more than 2^28
-/// pixels, or more than 2^23 and 24 for each byte of the file.
+/// pixels, or more than 2^20 and 2048 for each byte of the file, which is more than the compression
+/// of pictures of one colour achieves.
 pub fn decode(bytes: &[u8]) -> Result<(Image, Vec<(String, String)>), OutputError> {
-    let (image, texts) = openexr::decode(bytes, max_pixels(bytes.len()))
-        .map_err(|reason| OutputError::ExrRead { reason })?;
+    let max_pixels = (bytes.len() * 2048 + (1 << 20)).min(1 << 28);
+    let (image, texts) =
+        openexr::decode(bytes, max_pixels).map_err(|reason| OutputError::ExrRead { reason })?;
     let without_prefix = |(name, text): (String, String)| match name.strip_prefix(PREFIX) {
         Some(key) => (key.to_owned(), text),
         None => (name, text),

@@ -18,14 +18,13 @@ use lumbre_metrics::tonemap::srgb_light;
 
 /// Maximum number of pixels of a picture: 2^28, which is 3 GiB of `f32` RGB.
 const MAX_PIXELS: usize = 1 << 28;
-/// Pixels that a file of any size may have: more than a picture of 3840x2160 has.
-const SMALL_PIXELS: usize = 1 << 23;
-/// Further pixels that it may have for each byte, each of which takes up to forty bytes while it is read and
-/// measured.
-const PIXELS_PER_BYTE: usize = 24;
+/// Pixels that a file of any size may have, such as a black picture of 4096x4096.
+const SMALL_PIXELS: usize = 1 << 24;
+/// Further pixels that it may have for each byte.
+const PIXELS_PER_BYTE: usize = 40;
 
 /// Returns the greatest number of pixels of a file, so that a small file takes little memory.
-pub(super) fn max_pixels(file_bytes: usize) -> usize {
+fn max_pixels(file_bytes: usize) -> usize {
     file_bytes
         .saturating_mul(PIXELS_PER_BYTE)
         .saturating_add(SMALL_PIXELS)
@@ -55,7 +54,7 @@ pub struct Picture {
 ///
 /// # Errors
 /// Returns an error if the format is unknown, the file is damaged, or it has no or more than 2^28
-/// pixels, or more than 2^23 and 24 for each byte of the file.
+/// pixels, or more than 2^24 and 40 for each byte of the file.
 pub fn decode(bytes: &[u8]) -> Result<Picture, OutputError> {
     let decoded = if bytes.starts_with(&openexr::MAGIC) {
         decode_exr(bytes)
@@ -368,12 +367,12 @@ mod tests {
 
     #[test]
     fn small_files_have_no_more_pixels_than_memory_for_them() {
-        assert!(max_pixels(20_000) >= 3840 * 2160, "a black picture");
+        assert!(max_pixels(20_000) >= 4096 * 4096, "a black picture");
         assert!(max_pixels(420_000) < 12_000 * 12_000 / 4);
-        // Forty bytes for each pixel of both pictures of a comparison.
+        // Twelve bytes for each pixel of both pictures of a comparison.
         for bytes in [1_000, 420_000, 50_000_000] {
             let pixels = 2 * max_pixels(bytes);
-            assert!(40 * pixels <= (768 << 20) + 2 * 1024 * bytes, "{bytes}");
+            assert!(12 * pixels <= (384 << 20) + 2 * 1024 * bytes, "{bytes}");
         }
     }
 

@@ -298,10 +298,11 @@ impl Script {
             PATH,
             &place,
         )?;
-        let mut merged = render::merge(&own, &overrides);
-        if !overrides.contains_key("integrator") {
-            merged = unbiased(merged);
-        }
+        let own = match overrides.contains_key("integrator") {
+            true => own,
+            false => unbiased(own),
+        };
+        let merged = render::merge(&own, &overrides);
         let config = self.cell_config(&merged, PATH).map_err(|e| {
             // A field that is not in the overrides comes from the render function.
             let field = e
@@ -569,8 +570,8 @@ impl ScriptHooks for Script {
     }
 }
 
-/// Replaces a biased integrator of a reference, which no script has named for it, by an unbiased one, and
-/// removes its parameters: a biased technique must not judge itself.
+/// Replaces a biased integrator of a cell by an unbiased one, for a reference for which the script
+/// names none, and removes its parameters: a biased technique must not judge itself.
 fn unbiased(mut table: BTreeMap<String, Value>) -> BTreeMap<String, Value> {
     let name = table.get("integrator").and_then(Value::as_str);
     if name.and_then(bias_of).is_some() {

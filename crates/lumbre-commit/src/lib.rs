@@ -1,7 +1,7 @@
-//! The commit that a program is built from, as a macro that the compiler evaluates with the crate of
-//! the program. A build script would rebuild all targets of its package after each commit; the macro
-//! is evaluated whenever the crate that calls it is compiled, which is after each change of its
-//! dependencies or of the checked-out commit, and at no other time.
+//! The commit that a program is built from, as a macro that the compiler evaluates with the crate
+//! of the program. A build script would rebuild all targets of its package after each commit; the
+//! macro is evaluated whenever the crate that calls it is compiled, which is after each change of
+//! its dependencies or of the checked-out commit, and at no other time.
 
 use std::path::Path;
 use std::process::Command;
@@ -10,8 +10,8 @@ use proc_macro::TokenStream;
 
 /// Expands to an `Option<&'static str>`: the commit of the calling package's repository in twelve
 /// hexadecimal digits, followed by `with changes` if tracked files differ from it when the program
-/// is built. `None` if the package is not the root of a repository, as in an unpacked archive, or if
-/// there is no git.
+/// is built. `None` if the package is not the root of a repository, as in an unpacked archive, or
+/// if there is no git.
 #[proc_macro]
 pub fn commit(_: TokenStream) -> TokenStream {
     let package = std::env::var("CARGO_MANIFEST_DIR").unwrap_or_default();

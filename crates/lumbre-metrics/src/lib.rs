@@ -242,8 +242,8 @@ pub fn metric(name: &str) -> Option<&'static MetricRow> {
 }
 
 impl MetricSpec {
-    /// Makes the metric `name` with these options, for the column `column`. A metric with a `range` for
-    /// which neither `range` nor `on` is given has the tone map `srgb`: radiance has no largest
+    /// Makes the metric `name` with these options, for the column `column`. A metric with a `range`
+    /// for which neither `range` nor `on` is given has the tone map `srgb`: radiance has no largest
     /// value.
     ///
     /// # Errors

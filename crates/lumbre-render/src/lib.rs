@@ -128,8 +128,9 @@ pub struct WaveStats {
     /// inside `advance`, or on a device, by the device's clock, from the start of its work on this
     /// wave to the end of its samples. Copying the sums is not included.
     pub render_s: f64,
-    /// Time in seconds of the wave that is not part of `render_s`, because other work on the machine took the
-    /// processor from the renderer, or the process was stopped; 0 where that is not watched.
+    /// Time in seconds of the wave that is not part of `render_s`, because other work on the
+    /// machine took the processor from the renderer, or the process was stopped; 0 where that is
+    /// not watched.
     pub lost_s: f64,
     /// Time that a device other than the CPU was busy, in seconds by its own clock; 0 without one.
     pub device_s: f64,

@@ -151,8 +151,8 @@ fn probe(kind: TracingMode) -> Result<String, String> {
     }
 }
 
-/// Opens the device of this process. Returns why it cannot be opened, or `None` if it was or there is
-/// none.
+/// Opens the device of this process. Returns why it cannot be opened, or `None` if it was or there
+/// is none.
 pub fn open_device() -> Option<String> {
     context::physical_device::choose().ok()?;
     context::session::device().err().map(|e| e.to_string())

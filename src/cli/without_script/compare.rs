@@ -97,9 +97,9 @@ fn last_error<'a>(night: &'a NightResults, run: &RunResult) -> Option<(&'a Metri
     Some((&night.metrics[index], value))
 }
 
-/// Returns the efficiencies of all finished runs by technique at the render time that all of them reached,
-/// as the report's tables at equal time. Runs whose error is not above the noise of the reference
-/// have none.
+/// Returns the efficiencies of all finished runs by technique at the render time that all of them
+/// reached, as the report's tables at equal time. Runs whose error is not above the noise of the
+/// reference have none.
 fn efficiencies(night: &NightResults, techniques: &[String]) -> Vec<TechniqueResults> {
     let finished = night.runs.iter().filter(|run| run.is_done());
     let reached = finished.filter_map(|run| Some(run.rows.last()?.render_s));

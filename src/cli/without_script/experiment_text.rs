@@ -20,6 +20,9 @@ const MEASUREMENTS: f64 = 20.0;
 /// Least time between two measurements that scripts accept, in seconds.
 const MIN_EVERY_S: f64 = 0.01;
 
+/// Beginning of the names of other programs.
+const EXTERNAL: &str = "external:";
+
 /// A part of a render table.
 type Settings = BTreeMap<String, Value>;
 
@@ -33,11 +36,13 @@ pub fn experiment_name(comparison: &ComparisonArgs) -> String {
         .collect()
 }
 
-/// Returns the technique of the reference: the one that is named for it, otherwise the last unbiased
-/// one of those that are compared, or else an unbiased one beside them.
+/// Returns the technique of the reference: the one that is named for it, otherwise the last
+/// unbiased one of those that are compared, or else an unbiased one beside them. The bias of other
+/// programs is not known.
 pub fn reference_technique(comparison: &ComparisonArgs) -> &str {
     let names = || comparison.techniques.iter().map(String::as_str);
-    let unbiased = names().rfind(|name| bias_of(name).is_none());
+    let is_unbiased = |name: &&str| bias_of(name).is_none() && !name.starts_with(EXTERNAL);
+    let unbiased = names().rfind(is_unbiased);
     let named = comparison.reference.as_deref();
     named.or(unbiased).unwrap_or(UNBIASED_REFERENCE)
 }

@@ -82,19 +82,19 @@ fn least(given: Option<u64>, what: &str, bytes: impl Fn(Usage) -> u64) -> Option
     by_system.chain(by_user).min_by_key(|limit| limit.bytes)
 }
 
-/// Address space that the program needs to plan a small night, in bytes. With less it is ended by the
-/// first allocation that fails.
-const LEAST_ADDRESS_SPACE: u64 = 150 << 20;
+/// Address space that the program needs to render a small night, in bytes. With less it is ended by
+/// the first allocation or thread that fails.
+const LEAST_ADDRESS_SPACE: u64 = 1 << 30;
 
 /// Returns an error message if the address space of this process is too small for the program.
 pub fn address_space_shortage() -> Option<String> {
     let limit = address_space()?.limit;
     (limit < LEAST_ADDRESS_SPACE).then(|| {
         format!(
-            "the address space of this process is limited to {} (`ulimit -v`), but the program needs at \
-             least {}, and rendering several times as much: raise the limit",
-            gibibytes(limit),
-            gibibytes(LEAST_ADDRESS_SPACE)
+            "the address space of this process is limited to {} MiB (`ulimit -v`), but the program needs \
+             at least {} MiB: raise the limit",
+            limit >> 20,
+            LEAST_ADDRESS_SPACE >> 20
         )
     })
 }

@@ -11,7 +11,6 @@ use super::{
     BiasCheck, Cell, Plan, PlanError, PlannedCommand, Reference, ReferenceSource, RunId, Skipped,
     identity, warnings,
 };
-use crate::experiment::night_results::biased_reference;
 use crate::experiment::shards;
 use crate::experiment::spec::{
     BiasCheckRequest, CellConfig, ExperimentSpec, HookError, Point, ReferenceRequest, ScriptHooks,
@@ -480,31 +479,15 @@ impl<'a> Builder<'a> {
                 "{cells} no reference, so {columns} will not be measured"
             ));
         }
-        found.extend(self.biased_references());
+        let biased = warnings::biased_references(&self.references);
+        let without_bars = |text| format!("{text}; its error bars contain none of that");
+        found.extend(biased.into_iter().map(without_bars));
         found.extend(self.checks_with_common_noise());
         found.extend(warnings::denoised_cells(&self.cells));
         found.extend(warnings::short_references(&self.cells, &self.references));
         found.extend(warnings::duplicates(&self.cells));
         found.extend(warnings::few_repeats(&self.cells, self.spec.repeats));
         found
-    }
-
-    /// Returns a warning for each integrator of references that is biased.
-    fn biased_references(&self) -> Vec<String> {
-        let biased = self.references.iter().filter_map(|r| match &r.source {
-            ReferenceSource::Render { config, .. } => {
-                Some((config.integrator.as_str(), bias_of(&config.integrator)?))
-            }
-            ReferenceSource::File { .. } => None,
-        });
-        let warning = |(name, bias)| {
-            format!(
-                "{}; its error bars contain none of that",
-                biased_reference((name, bias))
-            )
-        };
-        let biased: BTreeSet<(&str, &str)> = biased.collect();
-        biased.into_iter().map(warning).collect()
     }
 
     /// Returns a warning for each integrator of bias checks whose samples share data.

@@ -248,6 +248,13 @@ pub struct Plan {
 }
 
 impl Plan {
+    /// Returns a sentence for captions for each biased technique of references.
+    pub fn biased_references(&self) -> Vec<String> {
+        let biased = warnings::biased_references(&self.references);
+        let sentences = biased.into_iter();
+        sentences.map(|text| format!("Warning: {text}.")).collect()
+    }
+
     /// Returns the reasons why points need a program that is not installed, each with its number of
     /// points.
     pub fn absent(&self) -> Vec<(&str, usize)> {

@@ -3,7 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{Cell, Reference, ReferenceSource};
+use crate::experiment::night_results::biased_reference;
 use crate::text::counted;
+use lumbre_light::transport::integrator::bias_of;
 
 /// Samples of a reference divided by those of a cell below which its noise is a large part of the
 /// cell's error: at 4, a fifth of a squared error.
@@ -96,4 +98,16 @@ pub(super) fn duplicates(cells: &[Cell]) -> Option<String> {
         cells.len(),
         counted(groups.len() as u64, "run")
     ))
+}
+/// Describes, for each biased technique of references, what it does to comparisons; without a full
+/// stop.
+pub(super) fn biased_references(references: &[Reference]) -> Vec<String> {
+    let biased = references.iter().filter_map(|r| match &r.source {
+        ReferenceSource::Render { config, .. } => {
+            Some((config.integrator.as_str(), bias_of(&config.integrator)?))
+        }
+        ReferenceSource::File { .. } => None,
+    });
+    let biased: BTreeSet<(&str, &str)> = biased.collect();
+    biased.into_iter().map(biased_reference).collect()
 }

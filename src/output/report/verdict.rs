@@ -13,6 +13,7 @@ use crate::output::provenance::Provenance;
 use crate::output::quantity::Bound;
 use crate::output::table::markdown::markdown_table;
 use crate::output::table::{Table, TableCell};
+use crate::text::visible;
 
 /// Number of repeats below which a test over repeats rarely finds a difference.
 const FEW_REPEATS: usize = 3;
@@ -78,7 +79,11 @@ impl Verdict {
             verdict.rows = row_labels(study, table);
             verdict.columns.extend(columns);
         }
-        verdict.sentences = verdict.columns.iter().map(sentence).collect();
+        let mut sentences: Vec<String> = verdict.columns.iter().map(sentence).collect();
+        if !sentences.is_empty() {
+            sentences.splice(0..0, study.biased_references());
+        }
+        verdict.sentences = sentences;
         verdict.caveats = caveats(study, &tables);
         verdict
     }
@@ -101,7 +106,7 @@ impl Verdict {
             fields.extend(self.columns.iter().map(winner));
             fields
                 .iter()
-                .map(|field| field.replace('|', "\\|"))
+                .map(|field| visible(&field.replace('|', "\\|")).into_owned())
                 .collect()
         };
         let rows: Vec<Vec<String>> = (0..self.rows.len()).map(row).collect();
@@ -292,8 +297,8 @@ fn disagreements(study: &Study) -> Vec<String> {
 }
 
 /// Returns what weakens the answer: few repeats, numbers at the noise of their reference,
-/// thresholds that the first measurement had passed, clocks that were disturbed, series with and without vectors, and references
-/// that are biased or that other techniques contradict.
+/// thresholds that the first measurement had passed, clocks that were disturbed, series with and
+/// without vectors, and references that are biased or that other techniques contradict.
 fn caveats(study: &Study, tables: &[&Table]) -> Vec<String> {
     let mut caveats = Vec::new();
     let finals = |table: &&&Table| table.name.starts_with("final-");
@@ -345,7 +350,6 @@ fn caveats(study: &Study, tables: &[&Table]) -> Vec<String> {
     caveats.extend(clocks(study));
     caveats.extend(mixed_lanes(study));
     caveats.extend(disagreements(study));
-    caveats.extend(study.biased_references());
     if study.is_denoised() {
         caveats.push(
             "Denoised series are biased: they lead while noise is the larger part of the error, \

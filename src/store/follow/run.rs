@@ -26,8 +26,8 @@ pub(super) struct FollowedRun {
     pub(super) running: bool,
     folder: PathBuf,
     metrics: Tail,
-    /// Number of metrics in the file, and the position of every metric of the outline in its rows; `None`
-    /// until the header was read.
+    /// Number of metrics in the file, and the position of every metric of the outline in its rows;
+    /// `None` until the header was read.
     columns: Option<(usize, Vec<Option<usize>>)>,
     /// Samples per pixel of the newest image that was read; `u64::MAX` for the final one.
     image_samples: u64,

@@ -227,8 +227,8 @@ records! {
         pub samples: u64,
         /// Seconds inside the renderer.
         pub render_s: f64,
-        /// Seconds that other work on the machine took from the renderer, or during which the process was
-        /// stopped; not in `render_s`. Absent where that is not watched.
+        /// Seconds that other work on the machine took from the renderer, or during which the
+        /// process was stopped; not in `render_s`. Absent where that is not watched.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub lost_s: Option<f64>,
         /// Wall-clock seconds, measuring included.

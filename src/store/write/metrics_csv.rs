@@ -79,8 +79,8 @@ pub fn parse(text: &str) -> Result<(Vec<String>, Vec<WaveRow>), String> {
     Ok((metrics.to_vec(), rows))
 }
 
-/// Parses further lines of a file whose header was read before, with this number of metrics. Skips lines
-/// that are no rows.
+/// Parses further lines of a file whose header was read before, with this number of metrics. Skips
+/// lines that are no rows.
 pub fn parse_more(text: &str, metrics: usize) -> Vec<WaveRow> {
     text.lines()
         .filter_map(|line| parse_row(line, metrics).ok())

@@ -81,8 +81,8 @@ const FOLDERS: [&str; 12] = [
     "tests", "xtask",
 ];
 
-/// Words in documents that look like paths of the project and are not: files that a reader writes, and
-/// names of shader modules. May only shrink.
+/// Words in documents that look like paths of the project and are not: files that a reader writes,
+/// and names of shader modules. May only shrink.
 const NO_FILES: [&str; 10] = [
     "ao.rs",
     "lib/boxes.lua",

@@ -1,5 +1,5 @@
-//! FLIP compared with values of the authors' program, which `make_golden.py` made, on larger generated
-//! pictures at several viewing distances.
+//! FLIP compared with values of the authors' program, which `make_golden.py` made, on larger
+//! generated pictures at several viewing distances.
 
 use std::collections::BTreeMap;
 

@@ -5,7 +5,8 @@ use super::workplace::Workplace;
 /// Line of the README before the block that is compared.
 const MARKER: &str = "tests/program/cli/readme.rs -->\n```\n";
 
-/// Returns the first column of a Markdown table, and whether each other cell is a number with an interval.
+/// Returns the first column of a Markdown table, and whether each other cell is a number with an
+/// interval.
 fn rows(table: &str) -> Vec<(String, bool)> {
     let row = |line: &str| {
         let mut cells = line.trim_matches('|').split('|').map(str::trim);

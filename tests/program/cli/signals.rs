@@ -183,11 +183,13 @@ fn limits_of_the_process_are_named() {
             String::from_utf8(ended.stderr).unwrap(),
         )
     };
-    let (status, error) = night("-v 60000");
-    assert!(
-        matches!(status, Some(1 | 2)) && error.contains("`ulimit -v`"),
-        "{status:?} {error}"
-    );
+    for limit in ["-v 60000", "-v 155000", "-v 400000", "-v 1000000"] {
+        let (status, error) = night(limit);
+        assert!(
+            matches!(status, Some(1 | 2)) && error.contains("`ulimit -v`"),
+            "{limit}: {status:?} {error}"
+        );
+    }
     let (status, error) = night("-s 64");
     assert_eq!(status, Some(0), "{error}");
     for (limit, said) in [("-n 8", "`ulimit -n`"), ("-f 1", "`ulimit -f`")] {

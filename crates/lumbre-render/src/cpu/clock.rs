@@ -1,10 +1,10 @@
 //! Render time of the CPU backend: wall time without what other work took from its threads.
 //!
-//! Two things lengthen a wave without being part of it. Other work on the machine makes threads wait for a
-//! processor; the kernel counts how long (`/proc/thread-self/schedstat`: time on a processor, time
-//! waited for one). And the process may be stopped (SIGSTOP, Ctrl-Z, a suspended machine), which no counter shows: a
-//! thread that wakes twenty times a second sees the gap. On systems without these counters nothing is
-//! taken off for waiting.
+//! Two things lengthen a wave without being part of it. Other work on the machine makes threads
+//! wait for a processor; the kernel counts how long (`/proc/thread-self/schedstat`: time on a
+//! processor, time waited for one). And the process may be stopped (SIGSTOP, Ctrl-Z, a virtual
+//! machine without a processor), which no counter of it shows: a thread that wakes fifty times a
+//! second sees the gap. On systems without these counters nothing is taken off for waiting.
 
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::thread;
@@ -16,12 +16,15 @@ use rayon::ThreadPool;
 /// undisturbed. On an idle machine it is a few thousandths.
 const UNDISTURBED: f64 = 0.02;
 
-/// Time between two looks at the clock of the thread that notices stops.
-const BEAT: Duration = Duration::from_millis(50);
+/// Interval at which the watching thread looks at the clock.
+const BEAT: Duration = Duration::from_millis(20);
 
-/// Gap between two looks, beyond the time that the thread waited for a processor, from which on the process
-/// was stopped.
-const STOPPED: Duration = Duration::from_millis(300);
+/// Time beyond [`BEAT`] and its own waiting for a processor after which the watching thread
+/// concludes that the process was stopped.
+const STOPPED: Duration = Duration::from_millis(25);
+
+/// Number of intervals that a wave waits at its end for a watching thread that has not woken.
+const PATIENCE: u32 = 10;
 
 /// Times of a wave in seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -38,8 +41,8 @@ pub struct RenderClock {
     /// Counters of the threads; empty where the system has none.
     #[cfg(target_os = "linux")]
     threads: Vec<std::fs::File>,
-    /// Share of the wanted processor time that the threads get on a machine without other work: below 1 if there
-    /// are more threads than processors.
+    /// Share of the wanted processor time that the threads get on a machine without other work:
+    /// below 1 if there are more threads than processors.
     own_share: f64,
 }
 
@@ -76,7 +79,7 @@ impl RenderClock {
 
     /// Returns whether the system tells how long threads waited for a processor.
     pub fn watches_processor(&self) -> bool {
-        self.processor().is_some()
+        self.processor().is_some_and(|p| p.ran > Duration::ZERO)
     }
 
     /// Begins a wave.
@@ -135,8 +138,9 @@ impl Processor {
     }
 }
 
-/// Returns the times of a wave. Work is distributed over threads as they become free, so a wave whose
-/// threads got half of the processor time that they wanted would have taken half of its time alone.
+/// Returns the times of a wave. Work is distributed over threads as they become free, so a wave
+/// whose threads got half of the processor time that they wanted would have taken half of its time
+/// alone.
 fn wave_time(wall_s: f64, stopped_s: f64, processor: Processor, own_share: f64) -> WaveTime {
     let running_s = (wall_s - stopped_s).max(0.0);
     let [ran, waited] = [processor.ran, processor.waited].map(|time| time.as_secs_f64());
@@ -153,7 +157,8 @@ fn wave_time(wall_s: f64, stopped_s: f64, processor: Processor, own_share: f64) 
     }
 }
 
-/// Parses the first two numbers of a `schedstat` file: nanoseconds on a processor, and waiting for one.
+/// Parses the first two numbers of a `schedstat` file: nanoseconds on a processor, and waiting for
+/// one.
 #[cfg(target_os = "linux")]
 fn parse_schedstat(text: &str) -> Option<Processor> {
     let mut numbers = text.split_whitespace().map(|word| word.parse().ok());
@@ -164,7 +169,8 @@ fn parse_schedstat(text: &str) -> Option<Processor> {
     })
 }
 
-/// When the watching thread last looked at the clock, and how long the process has been stopped since it started.
+/// State of the watching thread: when it last looked at the clock, and for how long the process has
+/// been stopped since it started.
 struct Watch {
     last: Instant,
     stopped: Duration,
@@ -172,8 +178,8 @@ struct Watch {
 
 static WATCH: OnceLock<Mutex<Watch>> = OnceLock::new();
 
-/// Returns for how long this process has been stopped since the first call, which starts a thread that
-/// watches the clock.
+/// Returns for how long this process has been stopped since the first call, which starts the
+/// watching thread.
 fn stopped() -> Duration {
     let watch = WATCH.get_or_init(|| {
         let watching = thread::Builder::new().name("stop-watch".to_owned());
@@ -192,14 +198,23 @@ fn stopped() -> Duration {
             stopped: Duration::ZERO,
         })
     });
-    let watch = watch.lock().unwrap_or_else(PoisonError::into_inner);
-    // The thread that watches may not have woken yet.
-    let gap = watch.last.elapsed().saturating_sub(BEAT);
-    watch.stopped + if gap > STOPPED { gap } else { Duration::ZERO }
+    let read = || {
+        let watch = watch.lock().unwrap_or_else(PoisonError::into_inner);
+        (watch.last.elapsed() < BEAT + STOPPED, watch.stopped)
+    };
+    // After a stop the watching thread may wake later than the thread that ends the wave.
+    for _ in 0..PATIENCE {
+        let (is_watching, stopped) = read();
+        if is_watching {
+            return stopped;
+        }
+        thread::sleep(BEAT);
+    }
+    read().1
 }
 
-/// Looks at the clock, and counts the gap since the last look if the watching thread did not spend it
-/// waiting for a processor.
+/// Counts the gap since the last look at the clock as stopped, unless the watching thread `waited`
+/// for a processor for as long.
 fn look(waited: Duration) {
     let Some(watch) = WATCH.get() else {
         return;

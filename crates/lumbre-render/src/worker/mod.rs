@@ -90,9 +90,9 @@ impl WorkerPool {
         Ok(process)
     }
 
-    /// Opens the device that runs will be rendered on, in a worker of its own, which a damaged loader or
-    /// driver may crash. Returns why the device cannot be opened, or `None` if it was or there is
-    /// none.
+    /// Opens the device that runs will be rendered on, in a worker of its own, which a damaged
+    /// loader or driver may crash. Returns why the device cannot be opened, or `None` if it was or
+    /// there is none.
     ///
     /// # Errors
     /// Returns an error if the worker dies or does not answer.

@@ -25,8 +25,8 @@ pub type Open<'a> =
 pub struct WorkerCalls<'a> {
     /// Opens a run of a backend.
     pub open: Open<'a>,
-    /// Opens the device that runs will be rendered on. Returns why it cannot be opened, or `None` if
-    /// it was or there is none.
+    /// Opens the device that runs will be rendered on. Returns why it cannot be opened, or `None`
+    /// if it was or there is none.
     pub device: &'a dyn Fn() -> Option<String>,
 }
 

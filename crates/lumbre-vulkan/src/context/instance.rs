@@ -32,8 +32,24 @@ pub struct Instance {
     pub validated: bool,
 }
 
-/// Variables of the environment that name files of drivers, instead of those in the system's folders.
+/// Variables of the environment that name files of drivers, instead of those in the system's
+/// folders.
 const DRIVER_VARIABLES: [&str; 2] = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"];
+
+/// Returns the variables of the environment by which the loader and drivers are found, as the end
+/// of a message.
+fn surroundings() -> String {
+    let names = ["LD_LIBRARY_PATH", "VK_LAYER_PATH"].into_iter();
+    let set = names.chain(DRIVER_VARIABLES).filter_map(|name| {
+        let value = std::env::var(name).ok().filter(|value| !value.is_empty())?;
+        Some(format!("{name}={value}"))
+    });
+    let set: Vec<String> = set.collect();
+    match set.is_empty() {
+        true => String::new(),
+        false => format!(" (with {})", set.join(", ")),
+    }
+}
 
 /// Returns the message if the loader cannot create an instance.
 fn no_driver() -> String {
@@ -68,18 +84,20 @@ pub fn validation_messages() -> Vec<String> {
 /// Returns the instance of this process, created by the first call. It is never destroyed, and
 /// neither is the library unloaded, since drivers tend to crash when unloaded.
 ///
-/// In a process that renders in workers, a worker opens the device first: a damaged loader or driver,
-/// which may crash or hang, then ends the worker and not this process.
+/// In a process that renders in workers, a worker opens the device first: a damaged loader or
+/// driver, which may crash or hang, then ends the worker and not this process.
 ///
 /// # Errors
-/// Returns an error if there is no loader, it cannot create an instance, or a worker cannot open the
-/// device.
+/// Returns an error if there is no loader, it cannot create an instance, or a worker cannot open
+/// the device.
 pub fn shared() -> Result<&'static Instance, VulkanError> {
     let instance =
         SHARED.get_or_init(
             || match worker::pool().map_or(Ok(None), WorkerPool::device) {
                 Ok(None) => create(),
-                Ok(Some(reason)) | Err(reason) => Err(VulkanError::Broken(reason)),
+                Ok(Some(reason)) | Err(reason) => {
+                    Err(VulkanError::Broken(format!("{reason}{}", surroundings())))
+                }
             },
         );
     instance.as_ref().map_err(Clone::clone)
@@ -127,7 +145,10 @@ fn create() -> Result<Instance, VulkanError> {
     // SAFETY: everything the structure points to lives until the call returns.
     let raw = unsafe { entry.create_instance(&info, None) }.map_err(|result| match result {
         vk::Result::ERROR_INCOMPATIBLE_DRIVER => VulkanError::NoDevice(no_driver()),
-        other => call("vkCreateInstance")(other),
+        other => VulkanError::Broken(format!(
+            "vkCreateInstance failed with {other:?}{}",
+            surroundings()
+        )),
     })?;
     if validated {
         let messenger = vk::DebugUtilsMessengerCreateInfoEXT::default()

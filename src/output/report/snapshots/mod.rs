@@ -185,8 +185,12 @@ pub fn references(
 /// Greatest ratio of the render times of pictures that are compared at equal time.
 pub const EQUAL_TIME: f64 = 1.05;
 
-/// Returns the render time nearest to `time` at which every series of a facet with a reference has a
-/// stored picture, all within [`EQUAL_TIME`] of one another; `None` if there is none.
+/// Greatest ratio of that time to the time of the tables, or the other way round.
+const NEAR_TIME: f64 = 1.5;
+
+/// Returns the render time nearest to `time`, within [`NEAR_TIME`] of it, at which every series of
+/// a facet with a reference has a stored picture, all within [`EQUAL_TIME`] of one another; `None`
+/// if there is none.
 pub fn common_stored_time(
     study: &Study,
     facet: usize,
@@ -213,7 +217,9 @@ pub fn common_stored_time(
             times.iter().all(|time| time / low <= EQUAL_TIME)
         })
     };
-    let candidates = stored.iter().flatten().copied().filter(is_common);
+    let is_near = |stored: &f64| distance(*stored, time) <= NEAR_TIME.ln();
+    let candidates = stored.iter().flatten().copied();
+    let candidates = candidates.filter(|stored| is_near(stored) && is_common(stored));
     candidates.min_by(|a, b| distance(*a, time).total_cmp(&distance(*b, time)))
 }
 

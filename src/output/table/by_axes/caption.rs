@@ -45,6 +45,7 @@ pub(super) fn caption(plan: &Plan, spec: &TableSpec, rows: &[Row], unfinished: u
     if plan.cells.iter().any(denoised) {
         sentences.push(BIAS.to_owned());
     }
+    sentences.extend(plan.biased_references());
     sentences.extend(long_names(plan, spec));
     sentences.join(" ")
 }

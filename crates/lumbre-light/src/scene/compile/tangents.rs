@@ -38,8 +38,8 @@ pub(super) fn add(
 }
 
 /// Returns the tangents of a mesh at the corners of a triangle; `None` if it has none. `map` is the
-/// map of directions, which may mirror, and `normals` are those at the corners before and after they
-/// were moved to the front side.
+/// map of directions, which may mirror, and `normals` are those at the corners before and after
+/// they were moved to the front side.
 pub(super) fn given(
     mesh: &MeshDesc,
     corners: [u32; 3],

@@ -79,9 +79,9 @@ pub struct CameraDesc {
 }
 
 /// Field of view and lens as a scene states them: as an angle and a diameter, or in photographic
-/// terms, which override these. [`CameraDesc::view_deg`] and [`CameraDesc::lens_diameter`] return what
-/// follows; the values themselves are private, so that none is shown without the one that overrides
-/// it.
+/// terms, which override these. [`CameraDesc::view_deg`] and [`CameraDesc::lens_diameter`] return
+/// what follows; the values themselves are private, so that none is shown without the one that
+/// overrides it.
 ///
 /// The sensor is at the focal length behind the lens, as in thesis S1 (docs/inside/transport.md), whatever
 /// the focus distance. (A real lens moves away from its sensor to focus on a near object, which
@@ -142,7 +142,8 @@ impl Optics {
         }
     }
 
-    /// Replaces the height of the part of the sensor that the image fills, in scene units, positive.
+    /// Replaces the height of the part of the sensor that the image fills, in scene units,
+    /// positive.
     pub fn with_sensor_height(self, sensor_height: Option<f32>) -> Optics {
         Optics {
             sensor_height,

@@ -113,8 +113,8 @@ pub fn target(position: DVec3, forward: DVec3) -> Vec3 {
     distant_target(position, forward).unwrap_or_else(near)
 }
 
-/// Returns the point that a camera far from the origin looks at: see [`target`]. `None` for a camera
-/// near the origin.
+/// Returns the point that a camera far from the origin looks at: see [`target`]. `None` for a
+/// camera near the origin.
 pub fn distant_target(position: DVec3, forward: DVec3) -> Option<Vec3> {
     let extent = position.abs().max_element();
     (extent > FAR).then(|| (position + extent * forward).as_vec3())
@@ -127,8 +127,8 @@ pub fn smooth_normals(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Vec3> {
         .collect()
 }
 
-/// Returns the mean of the normals of adjacent triangles at every vertex, weighted by their angles at
-/// the vertex [Thürmer & Wüthrich 1998]; `None` if they cancel, or no triangle has an area.
+/// Returns the mean of the normals of adjacent triangles at every vertex, weighted by their angles
+/// at the vertex [Thürmer & Wüthrich 1998]; `None` if they cancel, or no triangle has an area.
 pub fn mean_normals(
     positions: &[Vec3],
     triangles: &[[u32; 3]],

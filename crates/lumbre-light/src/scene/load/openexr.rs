@@ -99,9 +99,9 @@ fn read_layers(bytes: &[u8]) -> Result<FlatImage, String> {
 /// Names of a single channel of grey values.
 const GREY: [&str; 3] = ["Y", "y", "L"];
 
-/// Decodes the colours of a texture: the first layer with channels R, G and B, else the first group of
-/// channels with such names, such as `diffuse.R`, else a channel Y or the only channel, which is grey.
-/// Also returns the name of the group if there are others beside it.
+/// Decodes the colours of a texture: the first layer with channels R, G and B, else the first group
+/// of channels with such names, such as `diffuse.R`, else a channel Y or the only channel, which is
+/// grey. Also returns the name of the group if there are others beside it.
 ///
 /// # Errors
 /// Returns a message for data that is not an EXR with such channels, is damaged, or has more than

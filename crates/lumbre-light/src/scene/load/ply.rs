@@ -2,10 +2,11 @@
 //!
 //! Supported are the element `vertex` with `x y z`, normals `nx ny nz`, texture coordinates (`u v`,
 //! `s t`, or `texture_u texture_v`) and colours `red green blue`, and the element `face` with its
-//! list of vertex indices; polygons are triangulated, convex ones as fans from their first vertex. All
-//! other elements and properties are skipped, with a note. The front of a face is the side to which its normals point;
-//! without normals, the side from which its vertices run counter-clockwise. Integer colours are
-//! decoded from sRGB, as programs that scan and paint meshes display them; floats are linear.
+//! list of vertex indices; polygons are triangulated, convex ones as fans from their first vertex.
+//! All other elements and properties are skipped, with a note. The front of a face is the side to
+//! which its normals point; without normals, the side from which its vertices run
+//! counter-clockwise. Integer colours are decoded from sRGB, as programs that scan and paint meshes
+//! display them; floats are linear.
 
 mod source;
 mod supported;

@@ -48,8 +48,8 @@ impl Triangulator {
     }
 }
 
-/// Returns the normal of a polygon, with the length of twice its area, if a fan from its first corner
-/// covers more than the polygon.
+/// Returns the normal of a polygon, with the length of twice its area, if a fan from its first
+/// corner covers more than the polygon.
 fn concave_normal(corners: &[DVec3]) -> Option<DVec3> {
     let (first, rest) = corners.split_first().filter(|(_, rest)| rest.len() > 2)?;
     let fan = rest.windows(2);
@@ -59,8 +59,8 @@ fn concave_normal(corners: &[DVec3]) -> Option<DVec3> {
     reversed.next().map(|_| sum)
 }
 
-/// Cuts ears off a counter-clockwise polygon. Returns `None` if its edges intersect, or the tests are
-/// used up.
+/// Cuts ears off a counter-clockwise polygon. Returns `None` if its edges intersect, or the tests
+/// are used up.
 fn clip(points: &[DVec2], tests_left: &mut u64) -> Option<Vec<[usize; 3]>> {
     let mut ring: Vec<usize> = (0..points.len()).collect();
     let mut triangles = Vec::with_capacity(points.len());

@@ -34,8 +34,8 @@ impl ShapeError {
     }
 }
 
-/// An indexed triangle mesh. Normals, both sets of texture coordinates, tangents and colours have one
-/// element for each position, or are empty.
+/// An indexed triangle mesh. Normals, both sets of texture coordinates, tangents and colours have
+/// one element for each position, or are empty.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shape {
     /// Vertex positions in scene units.

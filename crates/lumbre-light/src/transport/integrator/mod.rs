@@ -188,12 +188,12 @@ pub fn canonical_name(name: &str) -> &str {
     alias.map_or(name, |(_, name)| name)
 }
 
-/// Integrator of references where none is named and those that are compared are biased: unbiased, and
-/// the one that finds light through glass and from metal best.
+/// Integrator of references where none is named and those that are compared are biased: unbiased,
+/// and the one that finds light through glass and from metal best.
 pub const UNBIASED_REFERENCE: &str = "bdpt";
 
-/// Returns why pictures of the integrator with this name are biased; `None` if they are not, or the name is
-/// unknown.
+/// Returns why pictures of the integrator with this name are biased; `None` if they are not, or the
+/// name is unknown.
 pub fn bias_of(name: &str) -> Option<&'static str> {
     integrator(name).and_then(|row| row.bias)
 }

@@ -1,5 +1,5 @@
-//! Scenes of Mitsuba 3 in XML, and of Mitsuba 0.5 and 0.6, whose names (`toWorld`, `intIOR`) have the
-//! same meaning.
+//! Scenes of Mitsuba 3 in XML, and of Mitsuba 0.5 and 0.6, whose names (`toWorld`, `intIOR`) have
+//! the same meaning.
 //!
 //! Conventions that affect the image:
 //! - A camera looks along the +z axis of its `to_world` with +y up. `fov` is horizontal unless

@@ -1,7 +1,8 @@
 //! Wavefront OBJ meshes, parsed by `tobj` after [`text`] has checked them.
 //!
-//! Supported are `v` with colours, `vt`, `vn`, `f`, `s` and `usemtl`, and, for a mesh that is loaded
-//! as a scene, the `.mtl` files that it refers to ([`mtl`]). A face has the material of the last
+//! Supported are `v` with colours, `vt`, `vn`, `f`, `s` and `usemtl`, and, for a mesh that is
+//! loaded as a scene, the `.mtl` files that it refers to ([`mtl`]). A face has the material of the
+//! last
 //! `usemtl`, whatever `o` or `g` say. Polygons are triangulated: convex ones as fans from their first vertex. Faces
 //! of a smoothing group that have no normals share those of the group. Lines, points and free-form
 //! surfaces have no effect.

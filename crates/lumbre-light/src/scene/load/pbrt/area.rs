@@ -36,8 +36,8 @@ impl Loader {
         Ok((!opaque).then_some(value))
     }
 
-    /// Returns the area light of a shape. In version 4 one on an interface is ignored. A light whose
-    /// shape is invisible, with an alpha of 0, becomes visible, with a note.
+    /// Returns the area light of a shape. In version 4 one on an interface is ignored. A light
+    /// whose shape is invisible, with an alpha of 0, becomes visible, with a note.
     pub(super) fn area(
         &mut self,
         params: &Params,
@@ -123,8 +123,8 @@ impl Loader {
     }
 }
 
-/// Returns a shape whose back is a second front, a small gap behind the first, so that it emits on both
-/// sides. `to_world` is its transform. Spheres are meshes here.
+/// Returns a shape whose back is a second front, a small gap behind the first, so that it emits on
+/// both sides. `to_world` is its transform. Spheres are meshes here.
 pub(super) fn two_sided(shape: ShapeDesc, to_world: &DAffine3) -> ShapeDesc {
     let ShapeDesc::Mesh(mesh) = &shape else {
         return shape;

@@ -1,5 +1,5 @@
-//! Names of textures and materials: one meaning for the whole file in version 4; in version 3 that of
-//! the last directive, up to the end of its block.
+//! Names of textures and materials: one meaning for the whole file in version 4; in version 3 that
+//! of the last directive, up to the end of its block.
 
 use std::collections::BTreeMap;
 use std::rc::Rc;

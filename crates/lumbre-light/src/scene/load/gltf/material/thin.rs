@@ -105,8 +105,8 @@ impl MaterialReader<'_> {
         Ok(())
     }
 
-    /// Returns the pane of glass of a material that transmits. A pane is tinted by the square root of
-    /// its base colour here.
+    /// Returns the pane of glass of a material that transmits. A pane is tinted by the square root
+    /// of its base colour here.
     fn pane(
         &mut self,
         place: &str,

@@ -410,8 +410,8 @@ impl<'a> MaterialReader<'a> {
         Ok(())
     }
 
-    /// Returns the `amount` of a mix: a number in version 4, and a colour in version 3, of which the
-    /// mean of the channels is used.
+    /// Returns the `amount` of a mix: a number in version 4, and a colour in version 3, of which
+    /// the mean of the channels is used.
     fn amount(&mut self, version4: bool) -> Result<TextureValue, SceneError> {
         let is_number = self.params().get("amount").is_some_and(|p| p.ty == "float");
         if version4 || is_number {
