@@ -76,9 +76,9 @@ fn the_listing_of_a_technique_of_single_samples_is_the_file_that_tests_render() 
 }
 
 /// Folders of the project at the top level whose files documents name.
-const FOLDERS: [&str; 12] = [
-    ".ci", ".cargo", "crates", "docs", "fuzz", "python", "scenes", "scripts", "shaders", "src",
-    "tests", "xtask",
+const FOLDERS: [&str; 14] = [
+    ".ci", ".cargo", "containers", "crates", "docs", "fuzz", "python", "scenes", "scripts",
+    "shaders", "src", "templates", "tests", "xtask",
 ];
 
 /// Words in documents that look like paths of the project and are not: files that a reader writes,
@@ -138,6 +138,7 @@ fn every_path_that_documents_name_exists() {
         .collect();
     let mut missing = Vec::new();
     let mut count = 0;
+    let mut unused = std::collections::BTreeSet::from(NO_FILES);
     for page in files.iter().filter(|path| path.ends_with(".md")) {
         // This page lists scenes of Mitsuba's repositories by their paths there.
         if page.starts_with("fuzz/") || page == "docs/reference/fidelity-scenes.md" {
@@ -146,12 +147,14 @@ fn every_path_that_documents_name_exists() {
         for path in named_paths(&text(page)) {
             count += 1;
             let exists = root().join(&path).exists() || ends.contains(path.as_str());
+            unused.remove(path.as_str());
             if !exists && !NO_FILES.contains(&path.as_str()) {
                 missing.push(format!("{page}: {path}"));
             }
         }
     }
     assert!(count > 500, "only {count} paths were found");
+    assert!(unused.is_empty(), "no document names these: {unused:?}");
     assert!(
         missing.is_empty(),
         "documents name files that do not exist:\n{}",
