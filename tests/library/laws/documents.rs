@@ -83,10 +83,8 @@ const FOLDERS: [&str; 14] = [
 
 /// Words in documents that look like paths of the project and are not: files that a reader writes,
 /// and names of shader modules. May only shrink.
-const NO_FILES: [&str; 10] = [
+const NO_FILES: [&str; 8] = [
     "ao.rs",
-    "lib/boxes.lua",
-    "lib/trees.lua",
     "scenes/two_spheres.lua",
     "tests/technique.rs",
     "bdpt.floats.comp",
