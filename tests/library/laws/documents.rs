@@ -77,8 +77,20 @@ fn the_listing_of_a_technique_of_single_samples_is_the_file_that_tests_render() 
 
 /// Folders of the project at the top level whose files documents name.
 const FOLDERS: [&str; 14] = [
-    ".ci", ".cargo", "containers", "crates", "docs", "fuzz", "python", "scenes", "scripts",
-    "shaders", "src", "templates", "tests", "xtask",
+    ".ci",
+    ".cargo",
+    "containers",
+    "crates",
+    "docs",
+    "fuzz",
+    "python",
+    "scenes",
+    "scripts",
+    "shaders",
+    "src",
+    "templates",
+    "tests",
+    "xtask",
 ];
 
 /// Words in documents that look like paths of the project and are not: files that a reader writes,
