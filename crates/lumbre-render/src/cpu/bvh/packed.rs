@@ -38,9 +38,9 @@ pub fn build_packed(
     if primitives.is_empty() {
         return CwBvh::default();
     }
-    // `obvhs` merges leaves of its builders itself.
+    // Clusters have leaves of one primitive then, which the conversion merges.
     let max_binary = match spec.builder {
-        Builder::Ploc | Builder::Cwbvh => 1,
+        Builder::Ploc | Builder::Cwbvh => max_leaf.min(LANES as u32),
         _ => max_leaf,
     };
     let mut binary = build_scene(spec, triangles, primitives, max_binary);
