@@ -118,13 +118,13 @@ pub enum Quality {
     Fastest,
     /// The same with some reinsertion, and parts of long triangles, as for all that follow.
     VeryFast,
-    /// Clustering within 6 places along the curve.
+    /// Clustering within 6 places along the curve, at first of neighbours, and more reinsertion.
     Fast,
-    /// Default: clustering within 14 places, and more reinsertion.
+    /// Default: clustering within 6 places.
     Medium,
-    /// Clustering within 24 places.
+    /// Clustering within 24 places, and ten times as much reinsertion.
     Slow,
-    /// Reinsertion of all nodes in the first round.
+    /// Clustering within 14 places, and reinsertion of all nodes in every round.
     VerySlow,
 }
 

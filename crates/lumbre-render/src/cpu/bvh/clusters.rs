@@ -11,12 +11,14 @@ use std::collections::BTreeMap;
 
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::leaf_collapser::collapse;
+use obvhs::bvh2::node::Bvh2Node;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::bvh2::{Bvh2, DEFAULT_MAX_STACK_DEPTH};
 use obvhs::ploc::PlocBuilder;
 use obvhs::{Boundable, BvhBuildParams};
 
 use super::build::BuildPrimitive;
+use super::collapse::{collect_primitives, weights};
 use super::simd::LANES;
 use crate::hierarchy::Quality;
 
@@ -29,11 +31,15 @@ const MAX_PASSES: usize = 256;
 /// Greatest number of levels of a tree. Deeper ones are too deep for all traversals.
 const MAX_LEVELS: usize = 512;
 
+/// Area of the box of a small subtree, as a multiple of that of the scene over the number of
+/// primitives.
+const SMALL: f32 = 64.0;
+
 /// Greatest number of equal boxes that are clustered one by one.
 const MAX_EQUAL: usize = 64;
 
 /// Number of rounds of reinsertion.
-const ROUNDS: u32 = 8;
+const ROUNDS: u32 = 4;
 
 /// Number of counters by which boxes are found that have many equal ones.
 const COUNTERS: usize = 1 << 16;
@@ -48,32 +54,27 @@ const FACTORS: [u32; 6] = [
     0x7feb_352d,
 ];
 
-/// Returns the preset of `obvhs` for a quality. Its `medium` takes twice as long to build as the
-/// default here, for the same cost of rays.
+/// Returns the settings of a quality: presets of `obvhs`, of which the slower ones search the whole
+/// distance in all passes. Its `medium` takes twice as long to build as the default here, for rays of
+/// the same cost.
 fn params(quality: Quality) -> BvhBuildParams {
+    let whole_distance = |preset| BvhBuildParams {
+        search_depth_threshold: 0,
+        ..preset
+    };
     match quality {
         Quality::Fastest => BvhBuildParams::fastest_build(),
         Quality::VeryFast => BvhBuildParams::very_fast_build(),
         Quality::Fast => BvhBuildParams::fast_build(),
-        Quality::Medium => BvhBuildParams {
-            search_depth_threshold: 0,
-            ..BvhBuildParams::fast_build()
-        },
-        Quality::Slow => BvhBuildParams {
-            search_depth_threshold: 0,
-            ..BvhBuildParams::slow_build()
-        },
-        Quality::VerySlow => BvhBuildParams {
-            search_depth_threshold: 0,
-            ..BvhBuildParams::very_slow_build()
-        },
+        Quality::Medium => whole_distance(BvhBuildParams::fast_build()),
+        Quality::Slow => whole_distance(BvhBuildParams::slow_build()),
+        Quality::VerySlow => whole_distance(BvhBuildParams::very_slow_build()),
     }
 }
 
-/// Builds a tree. `primitives` must not be empty. More than [`MAX_EQUAL`] primitives with equal boxes
-/// are one leaf; all other leaves have one primitive, or with a `max_leaf` above [`LANES`] up to
-/// that number where this costs less by the surface area heuristic. Returns `None` if the clustering
-/// would take too long or gives too many levels.
+/// Builds a tree. `primitives` must not be empty. Leaves have at most `max_leaf` primitives, or more
+/// than [`MAX_EQUAL`] with equal boxes. Returns `None` if the clustering would take too long or gives
+/// too many levels.
 pub(crate) fn build_clusters(
     primitives: &[BuildPrimitive],
     quality: Quality,
@@ -81,14 +82,50 @@ pub(crate) fn build_clusters(
 ) -> Option<Bvh2> {
     let params = params(quality);
     let mut tree = cluster_distinct(primitives, &params)?;
-    // Subtrees of fewer primitives become one block of the wide tree in any case.
+    let candidates = tree.nodes.len() as f32 * params.reinsertion_batch_ratio;
     if max_leaf > LANES as u32 {
         collapse(&mut tree, max_leaf, params.collapse_traversal_cost);
     }
-    reinsert(&mut tree, params.reinsertion_batch_ratio);
+    tree = join_leaves(&tree, max_leaf.min(LANES as u32));
+    reinsert(&mut tree, candidates);
     tree.parents = Vec::new();
     tree.reorder_in_stack_traversal_order();
     (levels(&tree) <= MAX_LEVELS).then_some(tree)
+}
+
+/// Joins small subtrees of at most `max_leaf` primitives to leaves, so that there are fewer nodes to
+/// improve: the CPU tests up to [`LANES`] primitives at once, so boxes between them save nothing. A
+/// subtree is small whose box has at most [`SMALL`] times the area of the scene's over the number of
+/// primitives.
+fn join_leaves(tree: &Bvh2, max_leaf: u32) -> Bvh2 {
+    let counts = weights(tree, |_| 1);
+    let area = |node: &Bvh2Node| node.aabb().half_area();
+    let small = SMALL * area(&tree.nodes[0]) / tree.primitive_indices.len() as f32;
+    let mut joined = Bvh2 {
+        nodes: vec![tree.nodes[0]],
+        primitive_indices: Vec::with_capacity(tree.primitive_indices.len()),
+        ..Bvh2::default()
+    };
+    // Nodes of both trees.
+    let mut work = vec![(0, 0)];
+    while let Some((old, new)) = work.pop() {
+        let node = &tree.nodes[old];
+        if node.is_leaf() || counts[old] <= max_leaf && area(node) <= small {
+            let first = joined.primitive_indices.len() as u32;
+            collect_primitives(tree, old, &mut joined.primitive_indices);
+            joined.nodes[new].first_index = first;
+            joined.nodes[new].prim_count = counts[old];
+        } else {
+            // `obvhs` stores that child last that comes first along the Morton curve. Rays that look
+            // for any hit visit the first child first.
+            let (first, second) = (node.first_index as usize + 1, node.first_index as usize);
+            let children = joined.nodes.len();
+            joined.nodes[new].make_inner(children as u32);
+            joined.nodes.extend([tree.nodes[first], tree.nodes[second]]);
+            work.extend([(second, children + 1), (first, children)]);
+        }
+    }
+    joined
 }
 
 /// Clusters primitives, those with the same box as many others as one leaf.
@@ -171,32 +208,31 @@ fn ploc<T: Boundable>(boxes: &[T], params: &BvhBuildParams) -> Bvh2 {
     )
 }
 
-/// Moves subtrees to where they enlarge boxes least, in rounds of fewer and fewer candidates, as
+/// Moves subtrees to where they enlarge boxes least, in rounds of fewer and fewer `candidates`, as
 /// [`ReinsertionOptimizer::run`] does. There the order of candidates of equal area could depend on
 /// the number of threads.
-fn reinsert(tree: &mut Bvh2, ratio: f32) {
+fn reinsert(tree: &mut Bvh2, candidates: f32) {
     // With three nodes, no move changes the tree.
-    if tree.nodes.len() < 5 || ratio <= 0.0 {
+    if tree.nodes.len() < 5 || candidates <= 0.0 {
         return;
     }
     // With the default, the search has a stack that ignores what exceeds it.
     tree.max_depth = DEFAULT_MAX_STACK_DEPTH;
     let mut optimizer = ReinsertionOptimizer::default();
     for round in 1..=ROUNDS {
-        let count = (tree.nodes.len() as f32 * ratio / round as f32) as usize;
+        let count = (candidates / round as f32) as usize;
         let candidates = largest(tree, count.clamp(1, tree.nodes.len() - 1));
         optimizer.run_with_candidates(tree, &candidates, 1);
     }
 }
 
-/// Returns the `count` largest of the first nodes, without the root. Clusters that are merged last
-/// come first.
+/// Returns the `count` largest nodes, without the root.
 fn largest(tree: &Bvh2, count: usize) -> Vec<u32> {
     // Areas are not negative, so their bits have the same order.
     let key = |(i, area): (u64, f32)| u64::from(!area.to_bits()) << 32 | i;
     let areas = tree.nodes.iter().map(|node| node.aabb().half_area());
-    let mut keys: Vec<u64> = (0..).zip(areas).skip(1).take(2 * count).map(key).collect();
-    keys.sort_unstable();
+    let mut keys: Vec<u64> = (0..).zip(areas).skip(1).map(key).collect();
+    keys.select_nth_unstable(count - 1);
     keys[..count].iter().map(|key| *key as u32).collect()
 }
 

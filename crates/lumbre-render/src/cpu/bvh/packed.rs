@@ -38,9 +38,9 @@ pub fn build_packed(
     if primitives.is_empty() {
         return CwBvh::default();
     }
-    // Clusters have leaves of one primitive then, which the conversion merges.
+    // The conversion merges leaves of one primitive where that costs less.
     let max_binary = match spec.builder {
-        Builder::Ploc | Builder::Cwbvh => max_leaf.min(LANES as u32),
+        Builder::Ploc | Builder::Cwbvh => 1,
         _ => max_leaf,
     };
     let mut binary = build_scene(spec, triangles, primitives, max_binary);
