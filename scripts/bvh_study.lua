@@ -7,8 +7,10 @@
 -- After thesis S1, sections 4.2 and 5.1 (docs/bibliography.md). For the three models in `folder`,
 -- the thesis compares tests of every triangle with a BVH that is built by splits at a plane or by
 -- the surface area heuristic (SAH) over bins. It selects 14 bins, because more gain nothing.
--- `none`, `plane` and `sah` are its methods. `ploc` is the default of Lumbre, and `cwbvh` traverses
--- compressed nodes. All except `none` and `cwbvh` use the same traversal.
+-- `none`, `plane` and `sah` are its methods; `plane_z` is the split by plane as its listing prints
+-- it, always along z and to a fixed depth. `ploc`, the default of Lumbre, and `cwbvh`, which
+-- traverses compressed nodes, are built by obvhs. All except `none` and `cwbvh` use the same
+-- traversal.
 --
 -- Every builder gives the same picture, bit for bit, so only times differ: run this on an idle
 -- machine. `--backend vulkan-compute` builds the same trees for a device.
@@ -28,6 +30,7 @@ local x = experiment("bvh_study", { seed = 51, repeats = 3 })
 local accels = {
   none = { builder = "none" },
   plane = { builder = "plane" },
+  ["plane_z, 12 levels"] = { builder = "plane_z", max_depth = 12 },
   sah = { builder = "sah" },
   ["sah, 12 levels"] = { builder = "sah", max_depth = 12 },
   ["sah, 6 levels"] = { builder = "sah", max_depth = 6 },
@@ -35,12 +38,14 @@ local accels = {
   ploc = { builder = "ploc" },
   ["ploc very slow"] = { builder = "ploc", quality = "very_slow" },
   cwbvh = { builder = "cwbvh" },
+  ["cwbvh very slow"] = { builder = "cwbvh", quality = "very_slow" },
 }
 
 -- An axis with one value can be replaced on the command line: `folder=...`.
 x:axis("folder", { "own" })
 x:axis("accel", {
-  "none", "plane", "sah", "sah, 12 levels", "sah, 6 levels", "ploc fastest", "ploc", "ploc very slow", "cwbvh",
+  "none", "plane", "plane_z, 12 levels", "sah", "sah, 12 levels", "sah, 6 levels", "ploc fastest", "ploc",
+  "ploc very slow", "cwbvh", "cwbvh very slow",
 })
 x:axis("bins", { 2, 4, 6, 8, 10, 12, 14, 16, 24, 32 })
 x:axis("model", { "suzanne", "bunny", "dragon" })

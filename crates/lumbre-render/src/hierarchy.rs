@@ -17,10 +17,10 @@ pub struct AccelSpec {
     pub builder: Builder,
     /// Number of bins along each axis; `sah` only.
     pub bins: u32,
-    /// Maximum depth of the binary tree; `plane` and `sah` only.
+    /// Maximum depth of the binary tree; `plane`, `plane_z` and `sah` only.
     pub max_depth: u32,
     /// Number of primitives up to which a leaf of the binary tree is not divided further; not
-    /// `none`.
+    /// `none` and `plane_z`.
     pub max_leaf: u32,
     /// Build quality; `ploc` and `cwbvh` only.
     pub quality: Quality,
@@ -73,13 +73,15 @@ pub enum Builder {
     /// Splits boxes in the middle of their longest side [thesis S1 (docs/inside/transport.md),
     /// section 4.2.1].
     Plane,
+    /// The same as listing 4.6 of thesis S1 is printed: always along z, to the maximum depth.
+    PlaneZ,
     /// Splits at the bin border that is cheapest by the surface area heuristic [Wald 2007].
     Sah,
     /// Splits at the median along the longest side of the centroids' box: the depth is the binary
     /// logarithm of the number of primitives, whatever the scene.
     Median,
     /// Locally ordered clustering [Meister and Bittner 2018a] with reinsertion [Meister and Bittner
-    /// 2018b].
+    /// 2018b], by `obvhs`.
     Ploc,
     /// As [`Builder::Ploc`] with compressed eight-wide nodes [Ylitie et al. 2017]. The CPU tests
     /// one triangle of them at a time.
@@ -88,9 +90,10 @@ pub enum Builder {
 
 impl Builder {
     /// All builders, in the order of [`Builder::WORDS`].
-    pub const ALL: [Builder; 6] = [
+    pub const ALL: [Builder; 7] = [
         Builder::None,
         Builder::Plane,
+        Builder::PlaneZ,
         Builder::Sah,
         Builder::Median,
         Builder::Ploc,
@@ -98,7 +101,8 @@ impl Builder {
     ];
 
     /// Names of the builders in scripts.
-    pub const WORDS: &'static [&'static str] = &["none", "plane", "sah", "median", "ploc", "cwbvh"];
+    pub const WORDS: &'static [&'static str] =
+        &["none", "plane", "plane_z", "sah", "median", "ploc", "cwbvh"];
 
     /// Returns its name in scripts.
     pub fn name(self) -> &'static str {
@@ -106,22 +110,21 @@ impl Builder {
     }
 }
 
-/// Effort of the builders `ploc` and `cwbvh`: how many neighbours the clustering searches, how many
-/// nodes are candidates for reinsertion, and whether long triangles are cut into parts.
+/// Effort of the builders `ploc` and `cwbvh`: the preset of `obvhs`, and whether long triangles are
+/// cut into parts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Quality {
-    /// Clustering with 2 neighbours on each side, without reinsertion and parts of triangles.
+    /// Clustering of neighbours along the Morton curve, without reinsertion and parts of triangles.
     Fastest,
-    /// 4 neighbours, reinsertion of a twentieth of the nodes, and parts of long triangles, as for all
-    /// that follow.
+    /// The same with some reinsertion, and parts of long triangles, as for all that follow.
     VeryFast,
-    /// 8 neighbours and a tenth of the nodes.
+    /// Clustering within 6 places along the curve, at first of neighbours, and more reinsertion.
     Fast,
-    /// Default: 14 neighbours and a fifth of the nodes.
+    /// Default: clustering within 6 places.
     Medium,
-    /// 14 neighbours and half of the nodes.
+    /// Clustering within 24 places, and ten times as much reinsertion.
     Slow,
-    /// 14 neighbours, and reinsertion of all nodes in every round.
+    /// Clustering within 14 places, and reinsertion of all nodes in every round.
     VerySlow,
 }
 
@@ -169,7 +172,8 @@ pub const ACCEL: Table = Table {
             required: false,
             default: "ploc",
             doc: "none: no hierarchy, every ray is tested with every primitive; plane: boxes are \
-                  split in the middle; sah: binned surface area heuristic; median: halves by number; \
+                  split in the middle of their longest side; plane_z: always along z, to the \
+                  maximum depth; sah: binned surface area heuristic; median: halves by number; \
                   ploc: locally ordered clustering with reinsertion; cwbvh: the same with compressed \
                   nodes, and triangles tested one at a time (on vulkan-compute identical to ploc). \
                   Where ploc and cwbvh are too deep for traversal, median is used",
@@ -186,14 +190,14 @@ pub const ACCEL: Table = Table {
             ty: Ty::Int { min: 0, max: 200 },
             required: false,
             default: "48",
-            doc: "plane, sah: maximum number of levels below the root",
+            doc: "plane, plane_z, sah: maximum number of levels below the root",
         },
         Field {
             key: "max_leaf",
             ty: Ty::Int { min: 1, max: 255 },
             required: false,
             default: "8",
-            doc: "number of primitives up to which a leaf is not divided further, and to which \
+            doc: "number of primitives up to which a leaf is not divided further (plane_z: 1), and to which \
                   ploc merges leaves if that costs less; the CPU always tests eight at once \
                   (cwbvh, and ploc on vulkan-compute: at most three)",
         },
@@ -280,7 +284,10 @@ impl AccelSpec {
     pub fn identity(&self) -> BTreeMap<String, Value> {
         let defaults = AccelSpec::default();
         let integer = |n: u32| Value::Int(i64::from(n));
-        let divides = matches!(self.builder, Builder::Plane | Builder::Sah);
+        let divides = matches!(
+            self.builder,
+            Builder::Plane | Builder::PlaneZ | Builder::Sah
+        );
         let clusters = matches!(self.builder, Builder::Ploc | Builder::Cwbvh);
         let fields = [
             (
@@ -292,7 +299,8 @@ impl AccelSpec {
             ("max_depth", divides, integer(self.max_depth)),
             (
                 "max_leaf",
-                self.builder != Builder::None && self.max_leaf != defaults.max_leaf,
+                !matches!(self.builder, Builder::None | Builder::PlaneZ)
+                    && self.max_leaf != defaults.max_leaf,
                 integer(self.max_leaf),
             ),
             (
@@ -331,7 +339,7 @@ impl AccelSpec {
     pub fn describe(&self) -> String {
         let own = match self.builder {
             Builder::None | Builder::Median => String::new(),
-            Builder::Plane => format!(" to {} levels", self.max_depth),
+            Builder::Plane | Builder::PlaneZ => format!(" to {} levels", self.max_depth),
             Builder::Sah => format!(" with {} bins to {} levels", self.bins, self.max_depth),
             Builder::Ploc | Builder::Cwbvh => format!(" {}", self.quality.name().replace('_', " ")),
         };

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use super::source::text;
+use super::source::{code_only, text, words};
 
 /// Manifests of the workspace.
 const MANIFESTS: [&str; 7] = [
@@ -101,5 +101,40 @@ fn every_dependency_of_the_tests_has_three_cells_with_text() {
     for row in rows("## Of the tests") {
         assert_eq!(row.len(), 3, "{row:?}");
         assert!(row.iter().all(|cell| !cell.is_empty()), "{row:?}");
+    }
+}
+
+/// Packages that the project was asked to have.
+const REQUESTED: [&str; 9] = [
+    "mlua",
+    "ash",
+    "glam",
+    "obvhs",
+    "tobj",
+    "exr",
+    "image",
+    "ratatui",
+    "crossterm",
+];
+
+#[test]
+fn every_requested_package_is_called_in_the_named_file() {
+    let rows = rows("## Requested packages");
+    let names: Vec<&str> = rows.iter().map(|row| row[0].trim_matches('`')).collect();
+    assert_eq!(names, REQUESTED);
+    for row in &rows {
+        assert_eq!(row.len(), 4, "{row:?}");
+        let [name, _, file, call] = [0, 1, 2, 3].map(|i| row[i].trim_matches('`'));
+        let code = code_only(&text(file));
+        let code = code.split("#[cfg(test)]").next().unwrap_or_default();
+        // `obvhs::..` in an import or in a path.
+        let named = words(code, name).any(|at| code[at + name.len()..].starts_with("::"));
+        let last = call.rsplit("::").next().unwrap_or_default();
+        let called = words(code, last).any(|at| {
+            let rest = &code[at + last.len()..];
+            code[..at].ends_with(call.strip_suffix(last).unwrap_or_default())
+                && (rest.starts_with('(') || rest.starts_with("::<"))
+        });
+        assert!(named && called, "{file} does not call `{call}` of {name}");
     }
 }

@@ -19,8 +19,8 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::Instance;
 use lumbre_render::cpu::bvh::accel::world_primitives;
 use lumbre_render::cpu::bvh::build::BuildPrimitive;
-use lumbre_render::cpu::bvh::packed::{PackedTree, build_packed};
-use lumbre_render::cpu::bvh::packed_node::{PackedNode, Slot};
+use lumbre_render::cpu::bvh::packed;
+use lumbre_render::cpu::bvh::packed::{CwBvh, CwBvhNode, build_packed};
 use lumbre_render::hierarchy::AccelSpec;
 use lumbre_render::instance_transform;
 use lumbre_render::instance_transform::InstanceTransform;
@@ -93,7 +93,7 @@ impl DeviceBvh {
 /// BVHs of a scene in the device's format, on the host.
 #[derive(Default)]
 struct SceneTrees {
-    nodes: Vec<PackedNode>,
+    nodes: Vec<CwBvhNode>,
     primitives: Vec<u32>,
     transforms: Vec<layout::InstanceTransform>,
     /// Maximum number of stack entries of a ray.
@@ -108,7 +108,7 @@ impl SceneTrees {
         let triangles = scene.world_triangles();
         let mut primitives = world_primitives(scene);
         let in_world = primitives.len();
-        let meshes: Vec<PackedTree> = scene
+        let meshes: Vec<CwBvh> = scene
             .instances
             .meshes
             .iter()
@@ -129,9 +129,12 @@ impl SceneTrees {
         let flat = placements.is_empty();
         let max_leaf = if flat { spec.max_leaf } else { 1 };
         let top = build_packed(spec, &scene.triangles[..triangles], &primitives, max_leaf);
-        trees.stack = top.levels();
-        let costs: Vec<f64> = meshes.iter().map(|mesh| mesh.cost(|_| 1.0)).collect();
-        trees.cost = top.cost(|i| match (i as usize).checked_sub(in_world) {
+        trees.stack = packed::levels(&top);
+        let costs: Vec<f64> = meshes
+            .iter()
+            .map(|mesh| packed::cost(mesh, |_| 1.0))
+            .collect();
+        trees.cost = packed::cost(&top, |i| match (i as usize).checked_sub(in_world) {
             Some(placement) => costs[placements[placement].mesh as usize],
             None => 1.0,
         });
@@ -147,7 +150,7 @@ impl SceneTrees {
         let roots: Vec<u32> = (meshes.iter().zip(&scene.instances.meshes))
             .map(|(tree, mesh)| trees.push(tree, |i| i + mesh.triangles.start))
             .collect();
-        if let Some(deepest) = meshes.iter().map(PackedTree::levels).max() {
+        if let Some(deepest) = meshes.iter().map(packed::levels).max() {
             // One entry for the rest of the instance's leaf, and one to return to world space.
             trees.stack += 2 + deepest;
         }
@@ -163,15 +166,15 @@ impl SceneTrees {
 
     /// Appends a tree, mapping its primitives to their indices in the scene. Returns its first
     /// node.
-    fn push(&mut self, tree: &PackedTree, id: impl Fn(u32) -> u32) -> u32 {
+    fn push(&mut self, tree: &CwBvh, id: impl Fn(u32) -> u32) -> u32 {
         let (first, primitives) = (self.nodes.len() as u32, self.primitives.len() as u32);
-        self.nodes.extend(tree.nodes.iter().map(|node| PackedNode {
-            first_child: node.first_child + first,
-            first_primitive: node.first_primitive + primitives,
+        self.nodes.extend(tree.nodes.iter().map(|node| CwBvhNode {
+            child_base_idx: node.child_base_idx + first,
+            primitive_base_idx: node.primitive_base_idx + primitives,
             ..*node
         }));
         self.primitives
-            .extend(tree.primitives.iter().map(|i| id(*i)));
+            .extend(tree.primitive_indices.iter().map(|i| id(*i)));
         first
     }
 }
@@ -179,10 +182,10 @@ impl SceneTrees {
 /// Returns the transform of an instance of a mesh, whose tree begins at `root`.
 fn instance_transform_row(
     instance: &Instance,
-    mesh: &PackedTree,
+    mesh: &CwBvh,
     root: u32,
 ) -> layout::InstanceTransform {
-    let aabb = mesh.aabb;
+    let aabb = mesh.total_aabb;
     let InstanceTransform { inverse, pivot } =
         InstanceTransform::new(instance, [aabb.min.into(), aabb.max.into()]);
     layout::InstanceTransform {
@@ -196,9 +199,9 @@ fn instance_transform_row(
 }
 
 /// Iterates over the boxes of a node's children.
-fn children(node: &PackedNode) -> impl Iterator<Item = [Vec3; 2]> + '_ {
-    let there = (0..8).filter(|slot| node.slot(*slot) != Slot::Empty);
+fn children(node: &CwBvhNode) -> impl Iterator<Item = [Vec3; 2]> + '_ {
+    let there = (0..8).filter(|child| !node.is_child_empty(*child));
     there
-        .map(|slot| node.child_aabb(slot))
+        .map(|child| node.child_aabb(child))
         .map(|aabb| [aabb.min.into(), aabb.max.into()])
 }

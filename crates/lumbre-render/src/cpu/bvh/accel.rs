@@ -19,7 +19,8 @@ use super::bvh8::{Block, BuildItem, Bvh8, LEAF, Node, TreeRoot};
 use super::compressed;
 use super::instances;
 use super::instances::MeshInstance;
-use super::packed::{PackedTree, build_packed};
+use super::packed;
+use super::packed::{CwBvh, build_packed};
 use super::progress::BuildProgress;
 use super::simd::{Isa, LANES};
 use crate::hierarchy::{AccelSpec, Builder};
@@ -43,7 +44,7 @@ pub struct Accel {
     pub(crate) blocks: Vec<Block>,
     pub(crate) instances: Vec<MeshInstance>,
     /// Compressed tree, which is traversed instead of `nodes` if the builder is `cwbvh`.
-    pub(crate) compressed: Option<PackedTree>,
+    pub(crate) compressed: Option<CwBvh>,
     /// Whether any material has a mask.
     pub(crate) masked: bool,
     /// Instruction set that traversal uses.
@@ -167,8 +168,8 @@ impl Accel {
         let triangles = &self.scene.triangles[..self.scene.world_triangles()];
         let primitives = world_primitives(&self.scene);
         let tree = build_packed(spec, triangles, &primitives, spec.max_leaf);
-        self.cost = tree.cost(|_| 1.0);
-        let levels = tree.levels();
+        self.cost = packed::cost(&tree, |_| 1.0);
+        let levels = packed::levels(&tree);
         self.compressed = Some(tree);
         if levels > compressed::MAX_LEVELS {
             Err(AccelError::TooDeep { levels })
@@ -276,7 +277,7 @@ impl Accel {
             + size_of_val(self.blocks.as_slice())
             + size_of_val(self.instances.as_slice())
             + self.compressed.as_ref().map_or(0, |tree| {
-                tree.bytes()
+                packed::bytes(tree)
                     + size_of_val(self.scene.triangles.as_slice())
                     + size_of_val(self.scene.spheres.as_slice())
             })

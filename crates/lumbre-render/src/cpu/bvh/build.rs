@@ -1,15 +1,22 @@
 //! Builders of binary trees over the boxes of primitives.
 //!
-//! The builders that split from the root on are in this module, and [`super::ploc`] merges from the
-//! leaves up. The format of their trees is that of [`super::binary`].
+//! The builders that split from the root on are in this module, and [`super::clusters`] calls those
+//! of `obvhs`. All trees are in its format: node 0 is the root, the children of an inner node are
+//! adjacent, and a leaf refers to a range of the indices of the primitives.
+//!
+//! Invariants: the first child of an inner node has an odd index, and both children follow their
+//! parent. Every primitive is in one leaf, or in several if its parts are ([`super::parts`]).
+
+use std::ops::Range;
 
 use glam::{Vec3, Vec3A};
+use obvhs::Boundable;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::node::Bvh2Node;
 
-use super::aabb::Aabb;
-use super::binary::{BinaryNode, BinaryTree};
+use super::clusters::build_clusters;
 use super::parts::{MOST_ADDED, cut_triangles};
-use super::ploc::build_clusters;
-use super::reinsertion::reinsert;
 use crate::hierarchy::{AccelSpec, Builder, Quality};
 
 /// Box and centroid of a primitive: the input of the builders.
@@ -42,17 +49,10 @@ impl BuildPrimitive {
     }
 }
 
-/// Returns the settings of a quality: the radius of the search for neighbours in the clustering,
-/// and the share of nodes that are candidates for reinsertion in the first round.
-fn preset(quality: Quality) -> (usize, f32) {
-    match quality {
-        Quality::Fastest => (2, 0.0),
-        Quality::VeryFast => (4, 0.05),
-        Quality::Fast => (8, 0.1),
-        Quality::Medium => (14, 0.2),
-        Quality::Slow => (14, 0.5),
-        // All nodes in every round.
-        Quality::VerySlow => (14, 8.0),
+impl Boundable for BuildPrimitive {
+    #[inline]
+    fn aabb(&self) -> Aabb {
+        self.aabb
     }
 }
 
@@ -68,28 +68,29 @@ pub(crate) fn build_scene(
     triangles: &[[Vec3; 3]],
     primitives: &[BuildPrimitive],
     max_leaf: u32,
-) -> BinaryTree {
+) -> Bvh2 {
     let parts = cuts(spec).then(|| cut_triangles(triangles, primitives, MOST_ADDED));
     let Some(parts) = parts.flatten() else {
         return build_binary(spec, primitives, max_leaf);
     };
     let mut tree = build_binary(spec, &parts.primitives, max_leaf);
-    for primitive in &mut tree.primitives {
+    for primitive in &mut tree.primitive_indices {
         *primitive = parts.whole[*primitive as usize];
     }
     tree
 }
 
 /// Builds the binary tree of boxes. `primitives` must not be empty.
-pub(crate) fn build_binary(
-    spec: &AccelSpec,
-    primitives: &[BuildPrimitive],
-    max_leaf: u32,
-) -> BinaryTree {
+pub(crate) fn build_binary(spec: &AccelSpec, primitives: &[BuildPrimitive], max_leaf: u32) -> Bvh2 {
     match spec.builder {
         Builder::None => TopDownBuilder::new(primitives, usize::MAX, 0).tree,
         Builder::Plane => {
             TopDownBuilder::new(primitives, max_leaf as usize, spec.max_depth).split_by(plane_split)
+        }
+        Builder::PlaneZ => {
+            TopDownBuilder::new(primitives, 1, spec.max_depth).split_by(|primitives, members| {
+                split_middle(primitives, members, bounding_box(primitives, members), 2)
+            })
         }
         Builder::Sah => {
             let bins = spec.bins as usize;
@@ -99,19 +100,17 @@ pub(crate) fn build_binary(
         Builder::Median => {
             TopDownBuilder::new(primitives, max_leaf as usize, u32::MAX).split_by(median_split)
         }
-        Builder::Ploc | Builder::Cwbvh => {
-            let (radius, reinserted) = preset(spec.quality);
-            let mut tree = build_clusters(primitives, radius, max_leaf);
-            reinsert(&mut tree, reinserted);
-            tree
-        }
+        Builder::Ploc | Builder::Cwbvh => build_clusters(primitives, spec.quality, max_leaf)
+            .unwrap_or_else(|| {
+                TopDownBuilder::new(primitives, max_leaf as usize, u32::MAX).split_by(median_split)
+            }),
     }
 }
 
 /// State of a top-down build, which splits leaves from the root on.
 struct TopDownBuilder<'a> {
     primitives: &'a [BuildPrimitive],
-    tree: BinaryTree,
+    tree: Bvh2,
     max_leaf: usize,
     max_depth: u32,
 }
@@ -127,9 +126,10 @@ impl<'a> TopDownBuilder<'a> {
         let aabb = bounding_box(primitives, &members);
         TopDownBuilder {
             primitives,
-            tree: BinaryTree {
-                nodes: vec![BinaryNode::leaf(aabb, 0, primitives.len() as u32)],
-                primitives: members,
+            tree: Bvh2 {
+                nodes: vec![Bvh2Node::new(aabb, primitives.len() as u32, 0)],
+                primitive_indices: members,
+                ..Bvh2::default()
             },
             max_leaf: max_leaf.max(1),
             max_depth,
@@ -139,19 +139,16 @@ impl<'a> TopDownBuilder<'a> {
     /// Splits leaves with `split` until they have at most `max_leaf` primitives, lie `max_depth`
     /// levels deep, or `split` returns `None`. `split` reorders the members of a leaf and returns
     /// the index at which the second half begins.
-    fn split_by(
-        mut self,
-        split: impl Fn(&[BuildPrimitive], &mut [u32]) -> Option<usize>,
-    ) -> BinaryTree {
+    fn split_by(mut self, split: impl Fn(&[BuildPrimitive], &mut [u32]) -> Option<usize>) -> Bvh2 {
         // Uses a work list instead of recursion, so that deep trees do not overflow the call stack.
         let mut work = vec![(0usize, 0u32)];
         while let Some((leaf, depth)) = work.pop() {
-            let range = self.tree.nodes[leaf].range();
+            let range = range(&self.tree.nodes[leaf]);
             let (first, count) = (range.start, range.len());
             if count <= self.max_leaf || depth >= self.max_depth {
                 continue;
             }
-            let members = &mut self.tree.primitives[range];
+            let members = &mut self.tree.primitive_indices[range];
             let Some(middle) =
                 split(self.primitives, members).filter(|middle| (1..count).contains(middle))
             else {
@@ -160,17 +157,21 @@ impl<'a> TopDownBuilder<'a> {
             let ranges = [(first, middle), (first + middle, count - middle)];
             let children = self.tree.nodes.len();
             for (first, count) in ranges {
-                let members = &self.tree.primitives[first..first + count];
+                let members = &self.tree.primitive_indices[first..first + count];
                 let aabb = bounding_box(self.primitives, members);
-                let child = BinaryNode::leaf(aabb, first as u32, count as u32);
+                let child = Bvh2Node::new(aabb, count as u32, first as u32);
                 self.tree.nodes.push(child);
             }
-            let aabb = self.tree.nodes[leaf].aabb();
-            self.tree.nodes[leaf] = BinaryNode::inner(aabb, children as u32);
+            self.tree.nodes[leaf].make_inner(children as u32);
             work.extend([(children + 1, depth + 1), (children, depth + 1)]);
         }
         self.tree
     }
+}
+
+/// Returns the range of the indices of the primitives that a leaf refers to.
+pub(crate) fn range(leaf: &Bvh2Node) -> Range<usize> {
+    leaf.first_index as usize..(leaf.first_index + leaf.prim_count) as usize
 }
 
 /// Returns the bounding box of the given members.
@@ -197,18 +198,27 @@ fn partition(members: &mut [u32], first: impl Fn(u32) -> bool) -> usize {
 /// There are three differences from the listing:
 ///
 /// - The listing computes extents with a comma operator instead of a constructor, so that all three
-///   are the extent of z. Here each axis has its own.
+///   are the extent of z, and z is split. Here each axis has its own; [`Builder::PlaneZ`] always
+///   splits z.
 /// - If x and y are equally long and longest, the listing splits z. Here the last of the longest
 ///   axes is split.
 /// - If all centroids lie on one side, the listing keeps splitting until the maximum depth. Here
 ///   the node becomes a leaf.
 fn plane_split(primitives: &[BuildPrimitive], members: &mut [u32]) -> Option<usize> {
     let aabb = bounding_box(primitives, members);
-    let size = aabb.max - aabb.min;
-    let axis = (0..3)
-        .max_by(|a, b| size[*a].total_cmp(&size[*b]))
-        .unwrap_or(2);
-    let middle = aabb.min[axis] + size[axis] / 2.0;
+    let size = aabb.diagonal();
+    let longest = (0..3).max_by(|a, b| size[*a].total_cmp(&size[*b]));
+    split_middle(primitives, members, aabb, longest.unwrap_or(2))
+}
+
+/// Splits a box in the middle of an axis, by centroids.
+fn split_middle(
+    primitives: &[BuildPrimitive],
+    members: &mut [u32],
+    aabb: Aabb,
+    axis: usize,
+) -> Option<usize> {
+    let middle = aabb.min[axis] + aabb.diagonal()[axis] / 2.0;
     Some(partition(members, |i| {
         primitives[i as usize].centroid[axis] > middle
     }))
@@ -298,7 +308,9 @@ fn sah_split(primitives: &[BuildPrimitive], members: &mut [u32], bins: usize) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cpu::bvh::test_primitives::{degenerate_boxes, random_boxes};
+    use crate::cpu::bvh::test_primitives::{
+        degenerate_boxes, random_boxes, validate, weighted_area,
+    };
 
     #[test]
     fn all_builders_and_qualities_build_valid_trees() {
@@ -316,7 +328,7 @@ mod tests {
                 for max_leaf in [1, 8] {
                     let tree = build_binary(spec, &primitives, max_leaf);
                     assert!(!tree.nodes.is_empty(), "{name} {spec:?}");
-                    tree.validate(&primitives);
+                    validate(&tree, &primitives);
                 }
             }
         }
@@ -330,7 +342,7 @@ mod tests {
                 quality,
                 ..AccelSpec::default()
             };
-            build_binary(&spec, &primitives, 1).weighted_area()
+            weighted_area(&build_binary(&spec, &primitives, 1))
         });
         for (fast, slow) in costs.iter().zip(&costs[1..]) {
             assert!(slow < &(fast * 1.01), "{costs:?}");

@@ -6,11 +6,11 @@
 //! is in the leaves that hold it there, once in each.
 
 use glam::Vec3;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
 
-use super::aabb::Aabb;
-use super::binary::BinaryTree;
 use super::build::BuildPrimitive;
-use super::collapse::{CollapseCosts, LeafChoice};
+use super::collapse::{CollapseCosts, collect_primitives, weights};
 use super::intersect::TriangleBlock;
 use super::simd::{LANES, LaneArray};
 use lumbre_light::scene::compile::NONE;
@@ -112,7 +112,7 @@ pub(crate) struct TreeRoot {
 
 /// State of the collapse of one binary tree.
 struct Collapse<'a> {
-    bvh: &'a BinaryTree,
+    bvh: &'a Bvh2,
     primitives: &'a [BuildPrimitive],
     item: &'a dyn Fn(u32) -> BuildItem,
     /// Sum over nodes and leaves of half the area of their box times the number of tests there.
@@ -125,24 +125,18 @@ impl Bvh8 {
     /// A leaf is a subtree that fits into one block, or a leaf of the binary tree.
     pub fn add_tree(
         &mut self,
-        bvh: &BinaryTree,
+        bvh: &Bvh2,
         primitives: &[BuildPrimitive],
         item: &dyn Fn(u32) -> BuildItem,
     ) -> TreeRoot {
         // An instance counts as more primitives than fit into a block.
-        let weights = bvh.weights(|i| match item(i) {
+        let weights = weights(bvh, |i| match item(i) {
             BuildItem::Instance(..) => LANES as u32 + 1,
             _ => 1,
         });
-        // Boxes inside a block would save nothing. The leaves are the same in every collapse, so
-        // their cost does not matter.
-        let costs = CollapseCosts::new(bvh, |i| {
-            if weights[i] <= LANES as u32 || bvh.nodes[i].is_leaf() {
-                LeafChoice::Always(0.0)
-            } else {
-                LeafChoice::Never
-            }
-        });
+        // Boxes inside a block would save nothing.
+        let is_leaf = |i: usize| weights[i] <= LANES as u32 || bvh.nodes[i].is_leaf();
+        let costs = CollapseCosts::new(bvh, is_leaf);
         let mut collapse = Collapse {
             bvh,
             primitives,
@@ -150,7 +144,7 @@ impl Bvh8 {
             weighted_area: 0.0,
             levels: 0,
         };
-        let aabb = bvh.nodes[0].aabb();
+        let aabb = *bvh.nodes[0].aabb();
         let index = if costs.is_leaf(0) {
             self.push_leaf(&mut collapse, 0, 0)
         } else {
@@ -171,13 +165,13 @@ impl Bvh8 {
     }
 
     /// Adds the root of a tree that is not a leaf and everything below it. Returns its index.
-    fn push_tree<F: Fn(usize) -> LeafChoice>(
+    fn push_tree<F: Fn(usize) -> bool>(
         &mut self,
         collapse: &mut Collapse,
         costs: &CollapseCosts<F>,
     ) -> u32 {
         let nodes = &collapse.bvh.nodes;
-        let root = self.push_node(collapse, &nodes[0].aabb(), 1);
+        let root = self.push_node(collapse, nodes[0].aabb(), 1);
         // Work list of binary node, its eight-wide node, and its level. There is no recursion, so
         // that deep trees do not overflow the call stack.
         let mut work = vec![(0usize, root as usize, 1usize)];
@@ -189,11 +183,11 @@ impl Bvh8 {
                 let index = if costs.is_leaf(child) {
                     self.push_leaf(collapse, child, level)
                 } else {
-                    let node = self.push_node(collapse, &aabb, level + 1);
+                    let node = self.push_node(collapse, aabb, level + 1);
                     work.push((child, node as usize, level + 1));
                     node
                 };
-                self.nodes[parent].set(lane, index, &aabb);
+                self.nodes[parent].set(lane, index, aabb);
             }
         }
         root
@@ -210,11 +204,11 @@ impl Bvh8 {
     /// instance is a leaf of its own. If there are several leaves, they are joined by nodes.
     fn push_leaf(&mut self, collapse: &mut Collapse, binary: usize, level: usize) -> u32 {
         let mut members = Vec::new();
-        collapse.bvh.collect_primitives(binary, &mut members);
+        collect_primitives(collapse.bvh, binary, &mut members);
         members.sort_unstable();
         members.dedup();
         let items: Vec<BuildItem> = members.iter().map(|i| (collapse.item)(*i)).collect();
-        let aabb = collapse.bvh.nodes[binary].aabb();
+        let aabb = *collapse.bvh.nodes[binary].aabb();
         let mut leaves: Vec<(u32, Aabb)> = Vec::new();
         for (i, item) in members.iter().zip(&items) {
             if let BuildItem::Instance(instance, cost) = item {

@@ -2,67 +2,53 @@
 //! dynamic programming over the least cost of each subtree for each number of wide nodes and leaves
 //! that together represent it.
 
-use super::binary::BinaryTree;
+use obvhs::bvh2::Bvh2;
+
+use super::build::range;
 use super::simd::LANES;
 
-/// Whether a node of a binary tree becomes a leaf of the wide tree.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum LeafChoice {
-    /// It becomes a wide node or is replaced by its children.
-    Never,
-    /// It becomes a leaf of this cost if no other choice costs less.
-    Allowed(f32),
-    /// It becomes a leaf of this cost.
-    Always(f32),
-}
-
 /// Least costs of the subtrees of a binary tree. The cost of a wide tree is the sum of the areas of
-/// its nodes and the costs of its leaves.
+/// its nodes.
 pub(crate) struct CollapseCosts<'a, F> {
-    tree: &'a BinaryTree,
-    choice: F,
+    tree: &'a Bvh2,
+    /// Whether a node of the binary tree becomes a leaf, if it is not above one.
+    is_leaf: F,
     /// Costs of each inner node, by the number of its pair of children. Entry `i` is the cost of at
     /// most `i + 1` wide nodes and leaves, except for the last: the cost of the eight children of a
     /// wide node in its place.
     costs: Vec<[f32; LANES]>,
 }
 
-impl<'a, F: Fn(usize) -> LeafChoice> CollapseCosts<'a, F> {
-    /// Computes the costs. `choice` must return [`LeafChoice::Always`] for leaves of the binary
-    /// tree.
-    pub fn new(tree: &'a BinaryTree, choice: F) -> CollapseCosts<'a, F> {
+impl<'a, F: Fn(usize) -> bool> CollapseCosts<'a, F> {
+    /// Computes the costs. `is_leaf` must be true for leaves of the binary tree.
+    pub fn new(tree: &'a Bvh2, is_leaf: F) -> CollapseCosts<'a, F> {
         let mut all = CollapseCosts {
             tree,
-            choice,
+            is_leaf,
             costs: vec![[0.0; LANES]; tree.nodes.len() / 2],
         };
         // Children follow their parents.
         for i in (0..tree.nodes.len()).rev() {
-            let choice = (all.choice)(i);
-            if !matches!(choice, LeafChoice::Always(_)) {
+            if !all.is_leaf(i) {
                 let pair = all.pair(i);
-                all.costs[pair] = all.compute(i, choice);
+                all.costs[pair] = all.compute(i);
             }
         }
         all
     }
 
     /// Computes the costs of an inner node from those of its children.
-    fn compute(&self, i: usize, choice: LeafChoice) -> [f32; LANES] {
+    fn compute(&self, i: usize) -> [f32; LANES] {
         let node = &self.tree.nodes[i];
-        let left = self.costs(node.first_child());
-        let right = self.costs(node.first_child() + 1);
+        let first = node.first_index as usize;
+        let (left, right) = (self.costs(first), self.costs(first + 1));
         let mut costs = [f32::INFINITY; LANES];
         for count in 2..=LANES {
             for k in 1..count {
                 costs[count - 1] = costs[count - 1].min(left[k - 1] + right[count - k - 1]);
             }
         }
-        let wide = node.half_area() + costs[LANES - 1];
-        costs[0] = match choice {
-            LeafChoice::Allowed(leaf) => wide.min(leaf),
-            _ => wide,
-        };
+        costs[0] = node.aabb().half_area() + costs[LANES - 1];
         for count in 2..LANES {
             costs[count - 1] = costs[count - 1].min(costs[count - 2]);
         }
@@ -71,24 +57,21 @@ impl<'a, F: Fn(usize) -> LeafChoice> CollapseCosts<'a, F> {
 
     /// Returns the number of the pair of children of an inner node.
     fn pair(&self, i: usize) -> usize {
-        self.tree.nodes[i].first_child() / 2
+        self.tree.nodes[i].first_index as usize / 2
     }
 
     /// Returns the costs of a node.
     fn costs(&self, i: usize) -> [f32; LANES] {
-        match (self.choice)(i) {
-            LeafChoice::Always(cost) => [cost; LANES],
-            _ => self.costs[self.pair(i)],
+        if self.is_leaf(i) {
+            [0.0; LANES]
+        } else {
+            self.costs[self.pair(i)]
         }
     }
 
     /// Returns whether a node becomes a leaf, if it is not replaced by its children.
     pub fn is_leaf(&self, i: usize) -> bool {
-        match (self.choice)(i) {
-            LeafChoice::Always(_) => true,
-            LeafChoice::Allowed(cost) => self.costs(i)[0] >= cost,
-            LeafChoice::Never => false,
-        }
+        (self.is_leaf)(i)
     }
 
     /// Selects the children of the wide node in the place of a node. Returns their number, which is
@@ -124,7 +107,7 @@ impl<'a, F: Fn(usize) -> LeafChoice> CollapseCosts<'a, F> {
         depth: usize,
         pending: &mut [(usize, usize); LANES],
     ) -> usize {
-        let first = self.tree.nodes[i].first_child();
+        let first = self.tree.nodes[i].first_index as usize;
         let (left, right) = (self.costs(first), self.costs(first + 1));
         let cost = |k: usize| left[k - 1] + right[count - k - 1];
         let best = (2..count).fold(1, |best, k| if cost(k) < cost(best) { k } else { best });
@@ -134,14 +117,44 @@ impl<'a, F: Fn(usize) -> LeafChoice> CollapseCosts<'a, F> {
     }
 }
 
+/// Returns the sum over the primitives below each node of their weights. Sums are limited to the
+/// largest integer.
+pub(crate) fn weights(tree: &Bvh2, weight: impl Fn(u32) -> u32) -> Vec<u32> {
+    let mut weights = vec![0u32; tree.nodes.len()];
+    for (i, node) in tree.nodes.iter().enumerate().rev() {
+        weights[i] = if node.is_leaf() {
+            let members = tree.primitive_indices[range(node)].iter();
+            members.map(|p| weight(*p)).fold(0, u32::saturating_add)
+        } else {
+            let first = node.first_index as usize;
+            weights[first].saturating_add(weights[first + 1])
+        };
+    }
+    weights
+}
+
+/// Appends the primitives below a node to `list`, in the order of the tree.
+pub(crate) fn collect_primitives(tree: &Bvh2, node: usize, list: &mut Vec<u32>) {
+    let mut work = vec![node];
+    while let Some(i) = work.pop() {
+        let node = &tree.nodes[i];
+        if node.is_leaf() {
+            list.extend_from_slice(&tree.primitive_indices[range(node)]);
+        } else {
+            work.extend([node.first_index as usize + 1, node.first_index as usize]);
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cpu::bvh::ploc::build_clusters;
+    use crate::cpu::bvh::build::build_binary;
     use crate::cpu::bvh::test_primitives::{degenerate_boxes, random_boxes};
+    use crate::hierarchy::AccelSpec;
 
     /// Returns all ways to represent the subtree of a node by at most `count` nodes.
-    fn fronts(tree: &BinaryTree, i: usize, count: usize) -> Vec<Vec<usize>> {
+    fn fronts(tree: &Bvh2, i: usize, count: usize) -> Vec<Vec<usize>> {
         let mut all = vec![vec![i]];
         if !tree.nodes[i].is_leaf() {
             all.extend(split_fronts(tree, i, count));
@@ -150,8 +163,8 @@ mod tests {
     }
 
     /// Returns those of [`fronts`] that do not consist of the node itself.
-    fn split_fronts(tree: &BinaryTree, i: usize, count: usize) -> Vec<Vec<usize>> {
-        let first = tree.nodes[i].first_child();
+    fn split_fronts(tree: &Bvh2, i: usize, count: usize) -> Vec<Vec<usize>> {
+        let first = tree.nodes[i].first_index as usize;
         let mut all = Vec::new();
         if count > 1 {
             for left in fronts(tree, first, count - 1) {
@@ -164,49 +177,30 @@ mod tests {
     }
 
     /// Returns the cost of the wide tree that replaces a subtree.
-    fn collapsed<F: Fn(usize) -> LeafChoice>(all: &CollapseCosts<F>, i: usize) -> f32 {
+    fn collapsed<F: Fn(usize) -> bool>(all: &CollapseCosts<F>, i: usize) -> f32 {
         if all.is_leaf(i) {
-            return match (all.choice)(i) {
-                LeafChoice::Always(cost) | LeafChoice::Allowed(cost) => cost,
-                LeafChoice::Never => f32::NAN,
-            };
+            return 0.0;
         }
         let mut children = [0; LANES];
         let count = all.select_children(i, &mut children);
         let below: f32 = children[..count].iter().map(|c| collapsed(all, *c)).sum();
-        all.tree.nodes[i].half_area() + below
+        all.tree.nodes[i].aabb().half_area() + below
     }
 
     #[test]
     fn the_cost_is_the_least_of_all_collapses() {
         for seed in 0..12 {
-            let tree = build_clusters(&random_boxes(26, seed), 4, 1);
-            let counts = tree.weights(|_| 1);
-            let choice = |i: usize| {
-                let cost = tree.nodes[i].half_area() * counts[i] as f32 * 0.3;
-                match counts[i] {
-                    1 => LeafChoice::Always(cost),
-                    2 | 3 => LeafChoice::Allowed(cost),
-                    _ => LeafChoice::Never,
-                }
-            };
+            let tree = build_binary(&AccelSpec::default(), &random_boxes(26, seed), 1);
+            let counts = weights(&tree, |_| 1);
             // Cost of each subtree as one node, by trying everything.
             let mut least = vec![0.0f32; tree.nodes.len()];
-            for i in (0..tree.nodes.len()).rev() {
-                let leaf = match choice(i) {
-                    LeafChoice::Always(cost) => {
-                        least[i] = cost;
-                        continue;
-                    }
-                    LeafChoice::Allowed(cost) => cost,
-                    LeafChoice::Never => f32::INFINITY,
-                };
+            for i in (0..tree.nodes.len()).rev().filter(|i| counts[*i] > 2) {
                 let cost = |front: Vec<usize>| front.iter().map(|c| least[*c]).sum::<f32>();
                 let below = split_fronts(&tree, i, LANES).into_iter().map(cost);
-                let wide = tree.nodes[i].half_area() + below.fold(f32::INFINITY, f32::min);
-                least[i] = wide.min(leaf);
+                let area = tree.nodes[i].aabb().half_area();
+                least[i] = area + below.fold(f32::INFINITY, f32::min);
             }
-            let found = collapsed(&CollapseCosts::new(&tree, choice), 0);
+            let found = collapsed(&CollapseCosts::new(&tree, |i| counts[i] <= 2), 0);
             assert!(
                 (found / least[0] - 1.0).abs() < 1e-5,
                 "{found} {}",
@@ -218,16 +212,12 @@ mod tests {
     #[test]
     fn degenerate_trees_are_collapsed_completely() {
         for (name, primitives) in degenerate_boxes() {
-            let tree = build_clusters(&primitives, 8, 1);
-            let choice = |i: usize| match tree.nodes[i].is_leaf() {
-                true => LeafChoice::Always(0.0),
-                false => LeafChoice::Never,
-            };
-            let all = CollapseCosts::new(&tree, choice);
-            let (mut work, mut leaves) = (vec![0], 0);
+            let tree = build_binary(&AccelSpec::default(), &primitives, 1);
+            let all = CollapseCosts::new(&tree, |i| tree.nodes[i].is_leaf());
+            let (mut work, mut leaves) = (vec![0], Vec::new());
             while let Some(i) = work.pop() {
                 if all.is_leaf(i) {
-                    leaves += 1;
+                    collect_primitives(&tree, i, &mut leaves);
                     continue;
                 }
                 let mut children = [0; LANES];
@@ -238,7 +228,7 @@ mod tests {
                 );
                 work.extend(&children[..count]);
             }
-            assert_eq!(leaves, primitives.len(), "{name}");
+            assert_eq!(leaves.len(), primitives.len(), "{name}");
         }
     }
 }

@@ -4,8 +4,7 @@
 
 use lumbre_light::transport::ray::Ray;
 
-use super::packed::PackedTree;
-use super::packed_node::{PackedNode, Slot, child_index};
+use super::packed::{CwBvh, CwBvhNode, child_range};
 use super::simd::{LANES, Simd8};
 use super::slabs::nonzero_inverse;
 
@@ -13,7 +12,8 @@ use super::slabs::nonzero_inverse;
 pub(crate) const MAX_LEVELS: usize = 64;
 
 /// Bound on the rounding errors of a box test, relative to the distances to the begin and the size
-/// of the grid. The errors are up to 3 and 2 times 2^-24, and one of 2^-24 relative to their sum.
+/// of the grid. The errors are up to 3 times 2^-24 each, one of them in the grid itself, and one of
+/// 2^-24 relative to their sum.
 const GRID_SLACK: f32 = 4e-7;
 
 /// Children of a node that are still to be visited.
@@ -27,63 +27,59 @@ struct Group {
     visits: u8,
 }
 
-impl PackedTree {
-    /// Calls `test` with the index of each primitive whose box the ray may hit before `limit`.
-    /// `test` returns `None` without a hit, and otherwise the new limit. With `ANY` the first hit
-    /// ends the search. The tree must have at most [`MAX_LEVELS`] levels.
-    #[inline(always)]
-    pub(crate) fn traverse<L: Simd8, const ANY: bool>(
-        &self,
-        ray: &Ray,
-        mut limit: f32,
-        mut test: impl FnMut(u32) -> Option<f32>,
-    ) {
-        if self.nodes.is_empty() {
-            return;
-        }
-        let grid_ray = GridRay::new(ray);
-        let mut stack = [Group::default(); MAX_LEVELS];
-        let mut depth = 0;
-        let mut current = 0;
-        loop {
-            let node = &self.nodes[current];
-            let hits = grid_ray.intersect::<L>(node, limit);
-            let mut leaves = hits & !u32::from(node.inner);
-            while leaves != 0 {
-                let slot = leaves.trailing_zeros() as usize % LANES;
-                leaves &= leaves - 1;
-                let Slot::Leaf(first, count) = node.slot(slot) else {
-                    continue;
-                };
-                for primitive in &self.primitives[first..first + count] {
-                    if let Some(t) = test(*primitive) {
-                        limit = t;
-                        if ANY {
-                            return;
-                        }
+/// Calls `test` with the index of each primitive whose box the ray may hit before `limit`. `test`
+/// returns `None` without a hit, and otherwise the new limit. With `ANY` the first hit ends the
+/// search. The tree must have at most [`MAX_LEVELS`] levels.
+#[inline(always)]
+pub(crate) fn traverse<L: Simd8, const ANY: bool>(
+    tree: &CwBvh,
+    ray: &Ray,
+    mut limit: f32,
+    mut test: impl FnMut(u32) -> Option<f32>,
+) {
+    if tree.nodes.is_empty() {
+        return;
+    }
+    let grid_ray = GridRay::new(ray);
+    let mut stack = [Group::default(); MAX_LEVELS];
+    let mut depth = 0;
+    let mut current = 0;
+    loop {
+        let node = &tree.nodes[current];
+        let hits = grid_ray.intersect::<L>(node, limit);
+        let mut leaves = hits & !u32::from(node.imask);
+        while leaves != 0 {
+            let slot = leaves.trailing_zeros() as usize % LANES;
+            leaves &= leaves - 1;
+            for primitive in &tree.primitive_indices[child_range(node, slot)] {
+                if let Some(t) = test(*primitive) {
+                    limit = t;
+                    if ANY {
+                        return;
                     }
                 }
             }
-            let mut group = Group {
-                first_child: node.first_child,
-                inner: node.inner,
-                visits: grid_ray.in_order(hits as u8 & node.inner),
-            };
-            if group.visits == 0 {
-                if depth == 0 {
-                    return;
-                }
-                depth -= 1;
-                group = stack[depth];
-            }
-            let slot = group.visits.trailing_zeros() as usize ^ grid_ray.flip;
-            group.visits &= group.visits - 1;
-            if group.visits != 0 {
-                stack[depth] = group;
-                depth += 1;
-            }
-            current = child_index(group.first_child, group.inner, slot % LANES);
         }
+        let mut group = Group {
+            first_child: node.child_base_idx,
+            inner: node.imask,
+            visits: grid_ray.in_order(hits as u8 & node.imask),
+        };
+        if group.visits == 0 {
+            if depth == 0 {
+                return;
+            }
+            depth -= 1;
+            group = stack[depth];
+        }
+        let slot = group.visits.trailing_zeros() as usize ^ grid_ray.flip;
+        group.visits &= group.visits - 1;
+        if group.visits != 0 {
+            stack[depth] = group;
+            depth += 1;
+        }
+        let before = group.inner & ((1 << (slot % LANES)) - 1);
+        current = group.first_child as usize + before.count_ones() as usize;
     }
 }
 
@@ -120,18 +116,20 @@ impl GridRay {
 
     /// Returns a mask of the slots whose boxes the ray may hit before `limit`.
     #[inline(always)]
-    fn intersect<L: Simd8>(&self, node: &PackedNode, limit: f32) -> u32 {
+    fn intersect<L: Simd8>(&self, node: &CwBvhNode, limit: f32) -> u32 {
         // No closures or maps here: code that is not inlined is not compiled for the caller's
         // instruction set.
         let (mut near, mut far) = (L::splat(0.0), L::splat(limit));
+        // From the fifth on: the least and greatest cell borders of all children, by axis.
+        let rows: &[[u8; LANES]; 10] = bytemuck::cast_ref(node);
         for axis in 0..3 {
-            let cell_size = f32::from_bits(u32::from(node.exponents[axis]) << 23);
+            let cell_size = f32::from_bits(u32::from(node.e[axis]) << 23);
             let scale = cell_size * self.inverse[axis];
-            let start = (node.origin[axis] - self.origin[axis]) * self.inverse[axis];
+            let start = (node.p[axis] - self.origin[axis]) * self.inverse[axis];
             let slack = GRID_SLACK * (start.abs() + 255.0 * scale.abs());
             let first = self.first[axis];
-            let enter = L::from_bytes(&node.cells[axis][first]).mul(L::splat(scale));
-            let leave = L::from_bytes(&node.cells[axis][1 - first]).mul(L::splat(scale));
+            let enter = L::from_bytes(&rows[4 + 2 * axis + first]).mul(L::splat(scale));
+            let leave = L::from_bytes(&rows[5 + 2 * axis - first]).mul(L::splat(scale));
             near = near.max(enter.add(L::splat(start - slack)));
             far = far.min(leave.add(L::splat(start + slack)));
         }
@@ -209,13 +207,13 @@ mod tests {
                 let all = (0..count as u32).filter_map(&distance);
                 let expected = all.fold(f32::INFINITY, f32::min);
                 let mut found = f32::INFINITY;
-                tree.traverse::<Portable, false>(&ray, f32::INFINITY, |p| {
+                traverse::<Portable, false>(&tree, &ray, f32::INFINITY, |p| {
                     found = found.min(distance(p)?);
                     Some(found)
                 });
                 assert_eq!(found, expected, "{count} {ray:?}");
                 let mut tested = 0;
-                tree.traverse::<Portable, true>(&ray, f32::INFINITY, |p| {
+                traverse::<Portable, true>(&tree, &ray, f32::INFINITY, |p| {
                     tested += 1;
                     distance(p)
                 });
@@ -239,10 +237,8 @@ mod tests {
         let tree = build_packed(&AccelSpec::default(), &[], &boxes, 1);
         assert_eq!(tree.nodes.len(), 1);
         for slot in 0..LANES {
-            let Slot::Leaf(first, 1) = tree.nodes[0].slot(slot) else {
-                panic!("no leaf in slot {slot}");
-            };
-            assert_eq!(tree.primitives[first] as usize, slot);
+            let primitives = child_range(&tree.nodes[0], slot);
+            assert_eq!(tree.primitive_indices[primitives], [slot as u32]);
         }
         for flip in 0..LANES {
             let sign = |bit: usize| if flip >> bit & 1 == 0 { 1.0 } else { -1.0 };
@@ -260,6 +256,6 @@ mod tests {
     #[test]
     fn an_empty_tree_has_no_hits() {
         let tree = build_packed(&AccelSpec::default(), &[], &[], 8);
-        tree.traverse::<Portable, false>(&random_ray(1), 1.0, |_| panic!("no primitives"));
+        traverse::<Portable, false>(&tree, &random_ray(1), 1.0, |_| panic!("no primitives"));
     }
 }

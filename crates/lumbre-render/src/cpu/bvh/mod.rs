@@ -5,11 +5,9 @@
 //!
 //! | module | contents |
 //! |---|---|
-//! | [`aabb`], `binary` | boxes and binary trees of them |
 //! | [`build`] | top-down builders, and the settings of each quality |
 //! | `parts` | parts of long triangles, which builders take for primitives |
-//! | `morton`, `ploc` | locally ordered clustering along the Morton curve |
-//! | `reinsertion` | moves subtrees to better places |
+//! | `clusters` | locally ordered clustering and reinsertion by `obvhs` |
 //!
 //! `collapse` finds the best children of eight-wide nodes. These exist in two formats:
 //!
@@ -18,7 +16,7 @@
 //! | `bvh8`, `traverse` | nodes and blocks of primitives of the CPU, and their traversal |
 //! | `slabs`, `stack` | tests of boxes, and the stack of the traversal |
 //! | `interleave` | traversal of several rays in turn |
-//! | [`packed`], [`packed_node`] | compressed nodes, which `vulkan-compute` traverses |
+//! | [`packed`] | compressed nodes of `obvhs`, which `vulkan-compute` traverses |
 //! | `compressed` | traversal of compressed nodes on the CPU, for the builder `cwbvh` |
 //!
 //! `instances` transforms rays into the space of a mesh, `intersect` tests rays against primitives,
@@ -28,24 +26,19 @@
 //! instances that a builder flattens. Of hits at the same distance, the one with the lesser
 //! instance index counts, then the lesser primitive index.
 
-pub mod aabb;
 pub mod accel;
-pub mod binary;
 pub mod build;
 pub mod bvh8;
+mod clusters;
 pub mod collapse;
 pub mod compressed;
 pub mod instances;
 #[cfg(target_arch = "x86_64")]
 mod interleave;
 pub mod intersect;
-pub mod morton;
 pub mod packed;
-pub mod packed_node;
 mod parts;
-pub mod ploc;
 mod progress;
-pub mod reinsertion;
 pub mod simd;
 mod slabs;
 mod stack;

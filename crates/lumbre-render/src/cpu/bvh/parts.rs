@@ -8,8 +8,8 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use glam::{DVec3, Vec3, Vec3A};
+use obvhs::aabb::Aabb;
 
-use super::aabb::Aabb;
 use super::build::BuildPrimitive;
 
 /// Parts are cut while they waste at least this multiple of the area of the scene's box over the
@@ -245,13 +245,19 @@ mod tests {
                 .zip(&parts.whole)
                 .filter(of_triangle);
             let own: Vec<Aabb> = of_triangle.map(|(part, _)| part.aabb).collect();
-            assert!(own.iter().all(|aabb| uncut[i].aabb.contains(aabb)), "{i}");
+            assert!(
+                own.iter()
+                    .all(|aabb| uncut[i].aabb.union(aabb) == uncut[i].aabb),
+                "{i}"
+            );
             for (u, v) in (0..40).flat_map(|u| (0..=40 - u).map(move |v| (u, v))) {
                 let [u, v] = [u, v].map(|n| n as f32 / 40.0);
                 let point = Vec3A::from(*a * (1.0 - u - v) + *b * u + *c * v);
                 let point = point.clamp(uncut[i].aabb.min, uncut[i].aabb.max);
-                let there = Aabb::new(point, point);
-                assert!(own.iter().any(|aabb| aabb.contains(&there)), "{i} {u} {v}");
+                assert!(
+                    own.iter().any(|aabb| aabb.contains_point(point)),
+                    "{i} {u} {v}"
+                );
             }
         }
         let area = |of: &[BuildPrimitive]| -> f64 {

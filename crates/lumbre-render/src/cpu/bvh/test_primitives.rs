@@ -2,8 +2,12 @@
 
 use glam::{Vec3, Vec3A};
 use lumbre_light::math::rng::{pcg4d, unit};
+use lumbre_light::scene::desc::MAX_COORDINATE;
 
-use super::build::BuildPrimitive;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::node::Bvh2Node;
+
+use super::build::{BuildPrimitive, range};
 
 /// Returns three uniform numbers below 1 for a key.
 fn uniform(key: [u32; 4]) -> Vec3 {
@@ -40,10 +44,10 @@ pub(crate) fn degenerate_boxes() -> Vec<(&'static str, Vec<BuildPrimitive>)> {
         BuildPrimitive::from_box(Vec3A::splat(center - half), Vec3A::splat(center + half))
     };
     let huge = |i: i32| {
-        let x = f32::MAX * (i as f32 / 50.0 - 1.0);
+        let x = MAX_COORDINATE * (i as f32 / 50.0 - 1.0);
         BuildPrimitive::from_box(
-            Vec3A::new(x, -f32::MAX, 0.0),
-            Vec3A::new(x, f32::MAX, x.abs()),
+            Vec3A::new(x, -MAX_COORDINATE, 0.0),
+            Vec3A::new(x, MAX_COORDINATE, x.abs()),
         )
     };
     let line = |i: i32| {
@@ -66,4 +70,28 @@ pub(crate) fn degenerate_boxes() -> Vec<(&'static str, Vec<BuildPrimitive>)> {
         ("huge", (0..=100).map(huge).collect()),
         ("geometric line", (0..100).map(line).collect()),
     ]
+}
+
+/// Panics if a tree violates an invariant of [`super::build`], or a box is not the bounding box of
+/// what is below it.
+pub(crate) fn validate(tree: &Bvh2, primitives: &[BuildPrimitive]) {
+    let ordered = Bvh2 {
+        children_are_ordered_after_parents: true,
+        max_depth: usize::MAX,
+        ..tree.clone()
+    };
+    ordered.validate(primitives, false, true);
+    let inner = tree.nodes.iter().filter(|node| !node.is_leaf());
+    assert!(
+        inner
+            .map(|node| node.first_index)
+            .all(|first| first % 2 == 1)
+    );
+}
+
+/// Returns the sum of the areas of all nodes, those of leaves times their number of primitives.
+pub(crate) fn weighted_area(tree: &Bvh2) -> f64 {
+    let area =
+        |node: &Bvh2Node| f64::from(node.aabb().half_area()) * range(node).len().max(1) as f64;
+    tree.nodes.iter().map(area).sum()
 }

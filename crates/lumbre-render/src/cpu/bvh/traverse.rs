@@ -5,10 +5,11 @@
 
 use super::accel::Accel;
 use super::bvh8::{INSTANCE, LEAF};
+use super::compressed;
 use super::instances;
 use super::intersect;
 use super::intersect::ShearedRay;
-use super::packed::PackedTree;
+use super::packed::CwBvh;
 #[cfg(target_arch = "x86_64")]
 use super::simd::Isa;
 use super::simd::{LANES, Portable, Simd8};
@@ -116,7 +117,7 @@ impl Accel {
     #[inline(never)]
     fn dispatch_compressed<const ANY: bool>(
         &self,
-        tree: &PackedTree,
+        tree: &CwBvh,
         ray: &Ray,
         t_max: f32,
     ) -> Option<Hit> {
@@ -136,7 +137,7 @@ impl Accel {
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt")]
     fn traverse_compressed_avx2<const ANY: bool>(
         &self,
-        tree: &PackedTree,
+        tree: &CwBvh,
         ray: &Ray,
         t_max: f32,
     ) -> Option<Hit> {
@@ -339,7 +340,7 @@ impl Accel {
     #[inline(always)]
     fn traverse_compressed<L: Simd8, const ANY: bool>(
         &self,
-        tree: &PackedTree,
+        tree: &CwBvh,
         ray: &Ray,
         t_max: f32,
     ) -> Option<Hit> {
@@ -349,7 +350,7 @@ impl Accel {
         let mut best = BestHit::new(t_max);
         let sheared = ShearedRay::new(ray);
         let scene = &self.scene;
-        tree.traverse::<L, ANY>(ray, best.limit, |primitive| {
+        compressed::traverse::<L, ANY>(tree, ray, best.limit, |primitive| {
             let (t, uv) = match scene.triangles.get(primitive as usize) {
                 Some(corners) => intersect::triangle(corners, &sheared, best.t)?,
                 None => {
