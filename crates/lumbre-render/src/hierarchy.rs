@@ -118,11 +118,12 @@ pub enum Quality {
     Fastest,
     /// The same with some reinsertion, and parts of long triangles, as for all that follow.
     VeryFast,
-    /// Clustering within 6 places along the curve, at first of neighbours, and more reinsertion.
+    /// Clustering within 6 places along the curve, but of neighbours in the first two passes, and more
+    /// reinsertion.
     Fast,
-    /// Default: clustering within 6 places.
+    /// Default: clustering within 6 places in all passes, and half as much reinsertion again.
     Medium,
-    /// Clustering within 24 places, and ten times as much reinsertion.
+    /// Clustering within 24 places, and seven times as much reinsertion.
     Slow,
     /// Clustering within 14 places, and reinsertion of all nodes in every round.
     VerySlow,

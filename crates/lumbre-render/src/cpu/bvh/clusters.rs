@@ -23,10 +23,10 @@ use super::simd::LANES;
 use crate::hierarchy::Quality;
 
 /// Number of primitives of the sample.
-const SAMPLE: usize = 8192;
+const SAMPLE: usize = 4096;
 
 /// Greatest number of passes over the sample. Meshes need fewer than 100.
-const MAX_PASSES: usize = 256;
+const MAX_PASSES: usize = 128;
 
 /// Greatest number of levels of a tree. Deeper ones are too deep for all traversals.
 const MAX_LEVELS: usize = 512;
@@ -39,7 +39,7 @@ const SMALL: f32 = 64.0;
 const MAX_EQUAL: usize = 64;
 
 /// Number of rounds of reinsertion.
-const ROUNDS: u32 = 4;
+const ROUNDS: u32 = 8;
 
 /// Number of counters by which boxes are found that have many equal ones.
 const COUNTERS: usize = 1 << 16;
@@ -66,7 +66,10 @@ fn params(quality: Quality) -> BvhBuildParams {
         Quality::Fastest => BvhBuildParams::fastest_build(),
         Quality::VeryFast => BvhBuildParams::very_fast_build(),
         Quality::Fast => BvhBuildParams::fast_build(),
-        Quality::Medium => whole_distance(BvhBuildParams::fast_build()),
+        Quality::Medium => BvhBuildParams {
+            reinsertion_batch_ratio: 0.03,
+            ..whole_distance(BvhBuildParams::fast_build())
+        },
         Quality::Slow => whole_distance(BvhBuildParams::slow_build()),
         Quality::VerySlow => whole_distance(BvhBuildParams::very_slow_build()),
     }
@@ -171,13 +174,13 @@ fn frequent_boxes(primitives: &[BuildPrimitive]) -> Vec<Vec<u32>> {
         let hash = products.map(|(word, factor)| word.wrapping_mul(factor));
         hash.fold(0, u32::wrapping_add) as usize >> 16
     };
-    let mut counts = vec![0; COUNTERS];
+    let mut counts = vec![0u32; COUNTERS];
     primitives.iter().for_each(|p| counts[counter(p)] += 1);
     // Twice the mean, so that few other primitives are compared.
     let many = MAX_EQUAL + 2 * primitives.len() / COUNTERS;
     let mut groups: BTreeMap<_, Vec<u32>> = BTreeMap::new();
     for (i, p) in (0..).zip(primitives) {
-        if counts[counter(p)] > many {
+        if counts[counter(p)] as usize > many {
             groups.entry(key(p)).or_default().push(i);
         }
     }
@@ -220,7 +223,8 @@ fn reinsert(tree: &mut Bvh2, candidates: f32) {
     tree.max_depth = DEFAULT_MAX_STACK_DEPTH;
     let mut optimizer = ReinsertionOptimizer::default();
     for round in 1..=ROUNDS {
-        let count = (candidates / round as f32) as usize;
+        let round = round as f32;
+        let count = (candidates / (round * round.sqrt())) as usize;
         let candidates = largest(tree, count.clamp(1, tree.nodes.len() - 1));
         optimizer.run_with_candidates(tree, &candidates, 1);
     }
