@@ -339,6 +339,19 @@ pub fn skipped(reason: impl std::fmt::Display) {
     std::io::stderr().write_all(line.as_bytes()).unwrap();
 }
 
+/// Returns whether there is no `python3`, in which other renderers of tests are written, after printing
+/// a line `SKIPPED`.
+pub fn lacks_python() -> bool {
+    let found = std::process::Command::new("python3")
+        .arg("--version")
+        .output();
+    let lacks = !found.is_ok_and(|output| output.status.success());
+    if lacks {
+        skipped("python3 is not installed");
+    }
+    lacks
+}
+
 /// Returns a time axis with default settings.
 pub fn timing(start: f64, bin: f64, bins: u32) -> Timing {
     Timing::plain(TimeAxis { start, bin, bins })

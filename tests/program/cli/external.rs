@@ -106,6 +106,9 @@ fn quick_cases_agree_with_mitsuba_and_make_a_page() {
 
 #[test]
 fn random_scenes_load_and_agree_with_mitsuba() {
+    if crate::common::lacks_python() {
+        return;
+    }
     let place = Workplace::new();
     let script = concat!(
         env!("CARGO_MANIFEST_DIR"),
@@ -252,6 +255,9 @@ def render(scene, **values):
 
 #[test]
 fn the_render_time_of_mitsuba_is_without_compiling_kernels() {
+    if crate::common::lacks_python() {
+        return;
+    }
     let place = Workplace::new();
     for (name, text) in STAND_INS {
         place.write(name, text);

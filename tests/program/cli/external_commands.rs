@@ -163,6 +163,9 @@ fn wait_for_starts(place: &Workplace, count: usize) -> Vec<String> {
 
 #[test]
 fn every_way_to_fail_is_a_failed_cell_with_its_output_and_the_night_goes_on() {
+    if crate::common::lacks_python() {
+        return;
+    }
     let place = place(&script("", MODES));
     let ended = run(
         &place,
@@ -240,6 +243,9 @@ fn every_way_to_fail_is_a_failed_cell_with_its_output_and_the_night_goes_on() {
 
 #[test]
 fn a_program_that_hangs_or_is_missing_fails_and_leaves_no_process() {
+    if crate::common::lacks_python() {
+        return;
+    }
     let missing = ONE.replace(
         "x:axis(\"mode\", { \"good\" })",
         "local gone = external { name = \"gone\", command = \"/nowhere/renderer {scene} {spp} {seed} {out}\" }\n\
@@ -288,6 +294,9 @@ fn a_program_that_hangs_or_is_missing_fails_and_leaves_no_process() {
 
 #[test]
 fn commands_run_only_with_permission_and_the_plan_shows_them() {
+    if crate::common::lacks_python() {
+        return;
+    }
     let place = place(&script(
         "version = { \"python3\", \"{folder}/version.py\" },",
         ONE,
@@ -344,6 +353,9 @@ fn commands_run_only_with_permission_and_the_plan_shows_them() {
 
 #[test]
 fn identity_covers_parameters_files_and_version_but_no_places() {
+    if crate::common::lacks_python() {
+        return;
+    }
     let place = place(&script(
         "version = { \"python3\", \"{folder}/version.py\" },",
         ONE,
@@ -388,6 +400,9 @@ fn identity_covers_parameters_files_and_version_but_no_places() {
 
 #[test]
 fn an_interrupted_run_resumes_with_the_same_picture() {
+    if crate::common::lacks_python() {
+        return;
+    }
     let [whole, cut] = [(); 2].map(|()| place(&script("", ONE)));
     succeed(
         &whole,
@@ -456,6 +471,9 @@ fn an_interrupted_run_resumes_with_the_same_picture() {
 
 #[test]
 fn external_techniques_take_turns_repeat_and_check_references_like_others() {
+    if crate::common::lacks_python() {
+        return;
+    }
     let rest = r#"
 x:axis("technique", { fake, "external:second" })
 x:render(function(p) return { scene = "ball.scn", integrator = p.technique, resolution = { 24, 16 } } end)
