@@ -339,6 +339,14 @@ pub fn skipped(reason: impl std::fmt::Display) {
     std::io::stderr().write_all(line.as_bytes()).unwrap();
 }
 
+/// Returns the command `kill` of the shell, since systems may lack a program of that name. Arguments are a
+/// signal and a process.
+pub fn kill() -> std::process::Command {
+    let mut shell = std::process::Command::new("sh");
+    shell.args(["-c", "kill \"$@\"", "sh"]);
+    shell
+}
+
 /// Returns whether there is no `python3`, in which other renderers of tests are written, after printing
 /// a line `SKIPPED`.
 pub fn lacks_python() -> bool {

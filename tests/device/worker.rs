@@ -110,7 +110,7 @@ fn run_and_kill(place: &Path, samples: u64) -> u32 {
         std::thread::sleep(Duration::from_secs_f32(wait));
         if let (Some(worker), true) = (worker_of(night.id()), kills < 3) {
             kills += u32::from(
-                Command::new("kill")
+                crate::common::kill()
                     .args(["-9", &worker.to_string()])
                     .status()
                     .unwrap()

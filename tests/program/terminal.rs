@@ -216,7 +216,7 @@ fn the_terminal_is_restored_when_sigterm_ends_the_program() {
     watcher.wait_for(&["watching"]);
     let stop = |program: &str| {
         assert!(
-            Command::new("kill")
+            crate::common::kill()
                 .args(["-TERM", program])
                 .status()
                 .unwrap()
@@ -242,7 +242,7 @@ fn a_program_whose_terminal_hangs_up_while_it_waits_for_keys_ends() {
     assert!(!program.is_empty());
     drop(terminal);
     let since = Instant::now();
-    while Command::new("kill")
+    while crate::common::kill()
         .args(["-0", &program])
         .output()
         .is_ok_and(|o| o.status.success())

@@ -2,7 +2,6 @@
 //! a worker.
 #![allow(clippy::unwrap_used, reason = "a test that cannot continue has failed")]
 
-use std::process::Command;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -71,7 +70,7 @@ fn pool() -> WorkerPool {
 
 fn kill(pid: u32) {
     assert!(
-        Command::new("kill")
+        crate::common::kill()
             .args(["-9", &pid.to_string()])
             .status()
             .unwrap()
@@ -450,7 +449,7 @@ fn a_stopped_worker_is_killed_after_the_heartbeat_timeout_and_its_run_resumes_in
     first.advance(1).unwrap();
     let worker = pool.worker_id().unwrap();
     assert!(
-        Command::new("kill")
+        crate::common::kill()
             .args(["-STOP", &worker.to_string()])
             .status()
             .unwrap()
@@ -496,7 +495,7 @@ fn a_worker_exits_when_its_pool_is_dropped() {
     let run = pool.open("mock", &scene(), request()).unwrap();
     let worker = pool.worker_id().unwrap();
     drop((run, pool));
-    let alive = Command::new("kill")
+    let alive = crate::common::kill()
         .args(["-0", &worker.to_string()])
         .output()
         .unwrap()

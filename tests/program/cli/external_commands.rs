@@ -275,13 +275,12 @@ fn a_program_that_hangs_or_is_missing_fails_and_leaves_no_process() {
         wait_for_end(&process);
         // Orphans that were ended are waited for by another process.
         let group = || {
-            Command::new("pgrep")
-                .args(["-g", &process])
-                .output()
-                .unwrap()
+            let mut kill = crate::common::kill();
+            let signalled = kill.args(["-0", "--", &format!("-{process}")]).output();
+            signalled.unwrap().status.success()
         };
         let since = Instant::now();
-        while !group().stdout.is_empty() {
+        while group() {
             assert!(
                 since.elapsed() < Duration::from_secs(60),
                 "a child still runs"
@@ -432,7 +431,7 @@ fn an_interrupted_run_resumes_with_the_same_picture() {
     .unwrap();
     // Waves of one and two samples pass, the third is held.
     let held = wait_for_starts(&cut, 3).pop().unwrap();
-    let status = Command::new("kill")
+    let status = crate::common::kill()
         .args(["-INT", &night.id().to_string()])
         .status();
     assert!(status.unwrap().success());

@@ -133,7 +133,7 @@ fn an_interrupted_picture_is_written_with_the_samples_so_far() {
     let mut child = place.command(&args).spawn().unwrap();
     // Signals are handled from the start, and one wave is always rendered.
     std::thread::sleep(Duration::from_secs(1));
-    let kill = std::process::Command::new("kill")
+    let kill = crate::common::kill()
         .args(["-INT", &child.id().to_string()])
         .status();
     assert!(kill.unwrap().success());

@@ -30,7 +30,7 @@ fn wait_for_first(place: &Workplace, child: &mut Child) {
 }
 
 fn send(child: &Child, signal: &str) {
-    let status = Command::new("kill")
+    let status = crate::common::kill()
         .args([signal, &child.id().to_string()])
         .status()
         .unwrap();

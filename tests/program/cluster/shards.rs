@@ -2,7 +2,7 @@
 //! workers.
 
 use std::collections::BTreeMap;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 
 use super::night::{differing, home, results, wait_until};
 use super::workplace::Workplace;
@@ -86,7 +86,7 @@ fn start(place: &Workplace, home: &str) -> Child {
 fn send(workers: &[Child], signal: &str) {
     for worker in workers {
         assert!(
-            Command::new("kill")
+            crate::common::kill()
                 .args([signal, &worker.id().to_string()])
                 .status()
                 .unwrap()

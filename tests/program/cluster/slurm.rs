@@ -165,7 +165,7 @@ fn a_night_on_slurm_survives_killed_requeued_and_expired_jobs() {
     // drained. Between two cells a worker renders nothing.
     wait_until(&place, &home, "a rendering worker to kill", || {
         rendering(0).is_some_and(|pid| {
-            Command::new("kill")
+            crate::common::kill()
                 .args(["-9", &pid.to_string()])
                 .status()
                 .unwrap()

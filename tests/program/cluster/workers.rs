@@ -106,7 +106,7 @@ fn a_worker_stopped_by_sigusr1_exits_with_status_75_and_another_continues() {
             .into_iter()
             .any(|file| place.read(&file).contains("\"cell_started\""))
     });
-    let kill = std::process::Command::new("kill")
+    let kill = crate::common::kill()
         .args(["-s", "USR1", &first.id().to_string()])
         .status()
         .unwrap();
