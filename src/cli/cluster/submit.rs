@@ -56,13 +56,12 @@ pub fn submit(args: &SubmitArgs, global: &Global) -> Result<Exit, Failure> {
         return Ok(Exit::Done);
     }
     load::print_notes_and_warnings(&plan, global.quiet);
-    if !global.quiet {
-        if global.backend.as_deref() == Some("auto") || uses_auto_backend(&plan) {
-            print_status(
-                "note: `auto` was resolved on this machine; set --backend if the nodes have other \
-                 devices",
-            );
-        }
+    let is_auto = global.backend.as_deref() == Some("auto") || uses_auto_backend(&plan);
+    if is_auto && !global.quiet {
+        print_status(
+            "note: `auto` was resolved on this machine; set --backend if the nodes have other \
+             devices",
+        );
     }
     let home = create_night(&plan, &job.script, global)?;
     let file = script_file(&home, kind);

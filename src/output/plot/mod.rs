@@ -74,9 +74,9 @@ pub struct FigureFiles {
     /// - one for each axis, with the cell's values;
     /// - `metric`: the quantity drawn;
     /// - `x`: position in the unit of the horizontal axis, or the value of the swept axis;
-    /// - `mean`: the value. Over repeats the mean, which is geometric on a logarithmic axis; where the
-    ///   distance from the best value is drawn, as of SSIM, the best value without the mean
-    /// distance;
+    /// - `mean`: the value. Over repeats the mean, which is geometric on a logarithmic axis; where
+    ///   the distance from the best value is drawn, as of SSIM, the best value without the mean
+    ///   distance;
     /// - `low`, `high`: 95 % confidence interval of the mean for three or more repeats, range for
     ///   two, empty for one;
     /// - `runs`: number of runs.

@@ -123,6 +123,7 @@ impl RenderClock {
 }
 
 impl Processor {
+    #[cfg(target_os = "linux")]
     fn and(self, other: Processor) -> Processor {
         Processor {
             ran: self.ran + other.ran,
