@@ -484,11 +484,12 @@ mod tests {
         let plain = spec("a", &[]);
         assert_eq!(
             plain.to_string(),
-            "{metric = ssim, options = {range = 1, window = uniform}}"
+            "{metric = ssim, options = {on = {exposure = 0, kind = srgb}, range = 1, window = uniform}}"
         );
-        assert_eq!(plain, spec("b", &[("range", Value::Int(1))]));
-        assert_ne!(plain, spec("a", &[("range", Value::Int(2))]));
-        assert_ne!(plain, spec("a", &[("on", srgb(0.0))]));
+        assert_eq!(plain, spec("b", &[("on", srgb(0.0))]));
+        let linear = spec("a", &[("range", Value::Int(1))]);
+        assert_ne!(plain, linear);
+        assert_ne!(linear, spec("a", &[("range", Value::Int(2))]));
         assert_ne!(
             spec("a", &[("on", srgb(0.0))]),
             spec("a", &[("on", srgb(1.0))])
