@@ -35,6 +35,8 @@ use exit::{Exit, Failure, print_result, print_status};
 use lumbre_light::scene::load::files;
 use lumbre_render::own_technique::OwnTechnique;
 
+pub use about::reference::command;
+
 /// Size in bytes of the stack on which the program runs. That of the process may be limited to less.
 const STACK: usize = 16 << 20;
 
@@ -163,8 +165,6 @@ fn dispatch(cli: &Cli) -> Result<Exit, Failure> {
         Verb::Report(args) => inspect::report::main(args, global),
         Verb::Trace(args) => scene::trace::main(args, global),
         Verb::Bsdf(args) => scene::bsdf::main(args, global),
-        Verb::Completions { shell } => about::completions::completions(*shell),
-        Verb::Man => about::completions::man(),
         Verb::Worker => worker::main(),
     }
 }

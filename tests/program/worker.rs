@@ -12,9 +12,10 @@ use lumbre_light::math::piecewise::Piecewise;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{
     DelayParam, DelayProfile, Distribution, Interface, MaskMode, Material, MaterialComponent,
-    Model, Texture, UvMap,
+    Model, Sharing, Texture, UvMap, compile_sharing,
 };
 use lumbre_light::scene::desc::{DelayDesc, DelayKind};
+use lumbre_light::scene::load::load;
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::transport::delay::Profile;
 use lumbre_light::transport::integrator::integrator;
@@ -330,6 +331,40 @@ fn everything() -> (Arc<CompiledScene>, Job) {
             ..job([16, 12], 4, 1 << 40 | 9)
         },
     )
+}
+
+#[test]
+fn a_worker_tells_shared_and_copied_meshes_of_one_scene_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let fan: String = (0..40).fold("v 0 0 1\n".to_owned(), |text, i| {
+        let (sin, cos) = (i as f32 * 0.15).sin_cos();
+        let face = if i == 0 {
+            String::new()
+        } else {
+            format!("f 1 {} {}\n", i + 1, i + 2)
+        };
+        format!("{text}v {cos} {sin} 0\n{face}")
+    });
+    std::fs::write(folder.path().join("fan.obj"), fan).unwrap();
+    let scene = r#"{ "camera": { "position": [0, 0, 9], "lookat": [0, 0, 0] }, "entities": [
+        { "type": "mesh", "file": "fan.obj" },
+        { "type": "mesh", "file": "fan.obj", "position": [3, 0, 0] },
+        { "type": "mesh", "file": "fan.obj", "position": [-3, 0, 0] } ] }"#;
+    let file = folder.path().join("fans.scn");
+    std::fs::write(&file, scene).unwrap();
+    let (desc, _) = load(&file).unwrap();
+    let pool = pool();
+    let sizes = [Sharing::Always, Sharing::Never].map(|sharing| {
+        let (scene, _) = compile_sharing(&desc, sharing).unwrap();
+        let scene = Arc::new(scene);
+        let remote = pool.open("cpu", &scene, request()).unwrap();
+        let local = CpuRenderer::new(scene, request()).unwrap();
+        let [remote, local] = [remote.open_stats(), local.open_stats()]
+            .map(|stats| (stats.accel_nodes, stats.accel_bytes));
+        assert_eq!(remote, local, "{sharing:?}");
+        remote
+    });
+    assert_ne!(sizes[0], sizes[1]);
 }
 
 #[test]

@@ -1,5 +1,7 @@
-//! Commands of chores that have to succeed.
+//! Commands and files of chores, which have to succeed.
 
+use std::fs;
+use std::path::Path;
 use std::process::Command;
 
 /// Returns the command `cargo`, that which runs the chore, in the root of the repository.
@@ -34,4 +36,14 @@ pub fn output(command: &mut Command) -> Result<Vec<u8>, String> {
         let reason = String::from_utf8_lossy(&ended.stderr).into_owned();
         Err(format!("{command:?} failed: {reason}"))
     }
+}
+
+/// Writes a file, whose folder need not exist.
+///
+/// # Errors
+/// Returns a message that names the file.
+pub fn write(to: &Path, bytes: &[u8]) -> Result<(), String> {
+    let made = to.parent().map_or(Ok(()), fs::create_dir_all);
+    made.and_then(|()| fs::write(to, bytes))
+        .map_err(|e| format!("{}: {e}", to.display()))
 }

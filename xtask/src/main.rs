@@ -13,6 +13,7 @@ mod fuzz;
 mod inlining;
 #[cfg(unix)]
 mod page;
+mod pages;
 mod release;
 #[cfg(feature = "shader-dev")]
 mod shaders;
@@ -44,6 +45,8 @@ enum Chore {
     /// Search the compiled program for vector instructions that are called as functions; needs
     /// `objdump`
     Inlining,
+    /// Write the manual page of the program and its shell completions
+    Pages(pages::Args),
     /// Pack the program, its manual page, completions and licences into an archive with a checksum
     Release(release::Args),
     /// Compile the shaders to the SPIR-V that is committed; needs `--features shader-dev` and a C++
@@ -65,6 +68,7 @@ fn main() -> ExitCode {
         #[cfg(unix)]
         Chore::Fuzz(args) => fuzz::run(&args),
         Chore::Inlining => inlining::run(),
+        Chore::Pages(args) => pages::run(&args),
         Chore::Release(args) => release::run(&args),
         #[cfg(feature = "shader-dev")]
         Chore::Shaders(args) => shaders::run(&args),

@@ -8,7 +8,8 @@ use std::process::Command;
 
 use serde_json::Value;
 
-use crate::command::{cargo, execute, output};
+use crate::command::{cargo, execute, output, write};
+use crate::pages;
 
 /// Options of the chore.
 #[derive(clap::Args)]
@@ -20,14 +21,6 @@ pub struct Args {
     #[arg(long, value_name = "NAME", default_value = "release")]
     profile: String,
 }
-
-/// Shells with completions, and the names of their files.
-const SHELLS: [(&str, &str); 4] = [
-    ("bash", "lumbre"),
-    ("elvish", "lumbre.elv"),
-    ("fish", "lumbre.fish"),
-    ("zsh", "_lumbre"),
-];
 
 /// Files of the repository that are in the archive.
 const FILES: [&str; 4] = ["README.md", "CHANGELOG.md", "LICENSE-MIT", "LICENSE-APACHE"];
@@ -124,16 +117,7 @@ fn collect(root: &Path, program: &Path, folder: &Path) -> Result<(), String> {
     for file in FILES {
         copy(&root.join(file), &folder.join(file))?;
     }
-    let page = output(Command::new(program).arg("man"))?;
-    write(&folder.join("share/man/man1/lumbre.1"), &page)?;
-    for (shell, file) in SHELLS {
-        let script = output(Command::new(program).args(["completions", shell]))?;
-        write(
-            &folder.join("share/completions").join(shell).join(file),
-            &script,
-        )?;
-    }
-    Ok(())
+    pages::write_all(&folder.join("share"))
 }
 
 /// Copies the terms of all packages that the program contains, with a list of them.
@@ -233,12 +217,6 @@ fn copy(from: &Path, to: &Path) -> Result<(), String> {
     let made = to.parent().map_or(Ok(()), fs::create_dir_all);
     made.and_then(|()| fs::copy(from, to).map(|_| ()))
         .map_err(|e| format!("{} to {}: {e}", from.display(), to.display()))
-}
-
-fn write(to: &Path, bytes: &[u8]) -> Result<(), String> {
-    let made = to.parent().map_or(Ok(()), fs::create_dir_all);
-    made.and_then(|()| fs::write(to, bytes))
-        .map_err(|e| format!("{}: {e}", to.display()))
 }
 
 #[cfg(test)]

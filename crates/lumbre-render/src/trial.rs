@@ -64,8 +64,11 @@ impl Trial {
         Trial::named(technique.row().name, params)
     }
 
-    /// Returns a known technique with parameters.
-    fn named(name: &str, params: &[(&str, Value)]) -> Result<Trial, String> {
+    /// Prepares the trial of a known technique with parameters.
+    ///
+    /// # Errors
+    /// Returns an error if there is no such technique, or its parameters do not allow these.
+    pub fn named(name: &str, params: &[(&str, Value)]) -> Result<Trial, String> {
         let row = integrator(name).ok_or_else(|| format!("`{name}` is not registered"))?;
         let params = params.iter().map(|(k, v)| ((*k).to_owned(), v.clone()));
         let params: BTreeMap<String, Value> = params.collect();
@@ -387,42 +390,4 @@ fn scene(
     };
     let (scene, _) = compile(&desc).map_err(|e| e.to_string())?;
     Ok(Arc::new(scene))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn built_in_techniques_pass_and_another_picture_is_noticed() {
-        for name in ["bpt", "nee"] {
-            Trial::named(name, &[]).unwrap().furnace().unwrap();
-        }
-        let nee = Trial::named("nee", &[]).unwrap();
-        nee.agreement("bpt").unwrap();
-        nee.same_bits().unwrap();
-        nee.seeds().unwrap();
-        // One strategy of bdpt alone is another picture.
-        let pair = Value::List(vec![Value::Int(0), Value::Int(3)]);
-        let one = Trial::named("bdpt", &[("strategies", pair)]).unwrap();
-        assert!(one.furnace().unwrap_err().contains("instead of"));
-        assert!(one.furnace().unwrap_err().contains("up to 5 edges"));
-        assert!(one.agreement("bpt").unwrap_err().contains("by bpt"));
-        assert!(Trial::named("nee", &[("mis", 3.0.into())]).is_err());
-        assert!(nee.agreement("nothing").is_err());
-    }
-
-    #[test]
-    fn the_depth_holds_for_both_pictures_and_the_closed_form() {
-        for edges in [1, 2, 7] {
-            let nee = Trial::named("nee", &[]).unwrap().max_depth(edges);
-            nee.furnace().unwrap();
-            nee.agreement("bpt").unwrap();
-        }
-        // This strategy has paths of two edges alone, which are all of the direct light.
-        let pair = Value::List(vec![Value::Int(1), Value::Int(2)]);
-        let direct = Trial::named("bdpt", &[("strategies", pair)]).unwrap();
-        let error = direct.max_depth(2).furnace().unwrap_err();
-        assert!(error.contains("up to 2 edges"), "{error}");
-    }
 }

@@ -20,15 +20,7 @@ const GROUPS: &[(&str, &[&str])] = &[
     ("Clusters", &["submit", "work", "cancel"]),
     (
         "The program itself",
-        &[
-            "doctor",
-            "verify",
-            "bench",
-            "benchmark",
-            "schema",
-            "completions",
-            "man",
-        ],
+        &["doctor", "verify", "bench", "benchmark", "schema"],
     ),
 ];
 

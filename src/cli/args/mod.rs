@@ -321,15 +321,6 @@ pub enum Verb {
     /// pixels and regions, from the arrays of a finished run with `film = { time = .. }`. The last
     /// line of the output is an ffmpeg command that makes a video.
     View(ViewArgs),
-    /// Print shell completions.
-    ///
-    /// Example: lumbre completions bash > ~/.local/share/bash-completion/completions/lumbre
-    Completions {
-        /// Shell to complete for.
-        shell: clap_complete::Shell,
-    },
-    /// Print the manual page in roff (view it with `lumbre man | man -l -`).
-    Man,
     /// Serve render requests of another lumbre process through pipes.
     #[command(hide = true)]
     Worker,

@@ -11,8 +11,6 @@ const CONFINED: &[(&str, &[&str])] = &[
     ("base64", &["tui"]),
     ("crossterm", &["tui", "explore"]),
     ("clap", &["cli"]),
-    ("clap_complete", &["cli"]),
-    ("clap_mangen", &["cli"]),
     ("signal_hook", &["cli"]),
     ("tracing_subscriber", &["cli"]),
     ("tev_client", &["cli"]),

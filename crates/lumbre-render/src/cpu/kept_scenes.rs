@@ -76,18 +76,17 @@ pub(super) fn open(scene: Arc<CompiledScene>, job: Job) -> Result<CpuRenderer, R
         lanes: LaneMode::Auto,
         ..job.accel
     };
-    let found = match kept().iter().find(|known| known.is(&scene)) {
-        None => return CpuRenderer::new(scene, job),
-        Some(known) => {
-            let same = |(accel, threads, _): &&(AccelSpec, usize, Arc<PreparedScene>)| {
-                *accel == settings && *threads == job.threads
-            };
-            known
-                .prepared
-                .iter()
-                .find(same)
-                .map(|(_, _, p)| Arc::clone(p))
-        }
+    let same = |(accel, threads, _): &&(AccelSpec, usize, Arc<PreparedScene>)| {
+        *accel == settings && *threads == job.threads
+    };
+    let find = |known: &KeptScene| {
+        let found = known.prepared.iter().find(same);
+        found.map(|(_, _, prepared)| Arc::clone(prepared))
+    };
+    // A statement of its own, so that nobody waits for the lock while a hierarchy is built.
+    let kept_scene = kept().iter().find(|known| known.is(&scene)).map(find);
+    let Some(found) = kept_scene else {
+        return CpuRenderer::new(scene, job);
     };
     let prepared = match found {
         Some(prepared) => prepared,
@@ -102,58 +101,4 @@ pub(super) fn open(scene: Arc<CompiledScene>, job: Job) -> Result<CpuRenderer, R
         }
     };
     CpuRenderer::open(&prepared, &scene.camera, job)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::Renderer;
-    use crate::hierarchy::Builder;
-    use lumbre_light::scene::compile;
-    use lumbre_light::scene::load::load;
-    use lumbre_light::transport::integrator::integrator;
-
-    fn job(builder: Builder, lanes: LaneMode) -> Job {
-        let mut job = Job::plain(integrator("nee").unwrap(), [8, 8], 3, 7);
-        job.threads = 1;
-        (job.accel.builder, job.accel.lanes) = (builder, lanes);
-        job
-    }
-
-    fn opened(scene: &Arc<CompiledScene>, builder: Builder, lanes: LaneMode) -> Vec<u32> {
-        let mut renderer = open(Arc::clone(scene), job(builder, lanes)).unwrap();
-        renderer.advance(2).unwrap();
-        let image = renderer.film().mean();
-        image.data.iter().flatten().map(|v| v.to_bits()).collect()
-    }
-
-    /// Number of hierarchies that are kept for a scene.
-    fn count(scene: &Arc<CompiledScene>) -> usize {
-        let kept = kept();
-        let of_scene = kept.iter().filter(|known| known.is(scene));
-        of_scene.map(|known| known.prepared.len()).sum()
-    }
-
-    #[test]
-    fn runs_share_a_hierarchy_with_their_settings_until_the_keeper_goes() {
-        let file = concat!(
-            env!("CARGO_MANIFEST_DIR"),
-            "/../../scenes/cornell/cornell.scn"
-        );
-        let (desc, _) = load(file.as_ref()).unwrap();
-        let scene = Arc::new(compile(&desc).unwrap().0);
-        let empty = scene_bytes(&scene);
-        let alone = opened(&scene, Builder::Ploc, LaneMode::Auto);
-        assert_eq!(count(&scene), 0, "nothing is kept without a keeper");
-        let keeper = SceneKeeper::new(Arc::clone(&scene));
-        for lanes in [LaneMode::Auto, LaneMode::Always, LaneMode::Never] {
-            assert_eq!(opened(&scene, Builder::Ploc, lanes), alone);
-        }
-        assert_eq!(count(&scene), 1, "lanes share a hierarchy");
-        assert!(scene_bytes(&scene) > empty, "its hierarchy is counted");
-        let _ = opened(&scene, Builder::Sah, LaneMode::Auto);
-        assert_eq!(count(&scene), 2, "another builder builds another one");
-        drop(keeper);
-        assert_eq!(count(&scene), 0);
-    }
 }

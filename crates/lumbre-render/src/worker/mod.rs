@@ -122,12 +122,12 @@ impl WorkerPool {
         let film = Film::new(job.resolution[0], job.resolution[1]);
         let process = self.worker().map_err(lost)?;
         let mut worker = lock(&process);
-        // Scenes built in code have no hash.
-        if worker.scene != scene.content_hash || scene.content_hash == [0; 32] {
+        let key = scene.key();
+        if key.is_none() || worker.scene != key {
             worker
                 .send(&Request::Scene(Arc::clone(scene)))
                 .map_err(lost)?;
-            worker.scene = scene.content_hash;
+            worker.scene = key;
         }
         let run = worker.runs;
         worker.runs += 1;

@@ -13,6 +13,7 @@ use super::frame;
 use super::message::{Reply, Request};
 use super::shared;
 use crate::backend_choice;
+use lumbre_light::scene::compile::CompiledKey;
 
 /// Program and arguments that start a worker.
 #[derive(Clone, Debug)]
@@ -70,8 +71,8 @@ pub struct WorkerProcess {
     last_lines: Arc<Mutex<VecDeque<String>>>,
     /// Thread that logs its error output until it exits.
     logger: Option<JoinHandle<()>>,
-    /// Content hash of the scene that it caches.
-    pub(super) scene: [u8; 32],
+    /// Scene that it caches, unless that has no key.
+    pub(super) scene: Option<CompiledKey>,
     /// Number of the next run.
     pub(super) runs: u64,
     /// Description of how it died, once it has.
@@ -124,7 +125,7 @@ impl WorkerProcess {
             heartbeat_timeout,
             last_lines,
             logger,
-            scene: [0; 32],
+            scene: None,
             runs: 0,
             dead: None,
         };

@@ -7,13 +7,14 @@ use super::physical_device;
 use crate::error::VulkanError;
 use crate::memory::upload::SceneBuffers;
 use lumbre_light::scene::CompiledScene;
+use lumbre_light::scene::compile::CompiledKey;
 
 /// Open device, reused by the next run and dropped after a failure.
 static DEVICE: Mutex<Option<Arc<Device>>> = Mutex::new(None);
 
 /// Scene on a device: the device, a key and the buffers. The key is the scene's hash with its
 /// numbers of triangles and instances, which flattening changes.
-type CachedScene = (Weak<Device>, ([u8; 32], usize, usize), Weak<SceneBuffers>);
+type CachedScene = (Weak<Device>, CompiledKey, Weak<SceneBuffers>);
 
 /// Last scene; its buffers live as long as a run uses them.
 static SCENE: Mutex<Option<CachedScene>> = Mutex::new(None);
@@ -51,22 +52,15 @@ pub fn scene(
     scene: &CompiledScene,
 ) -> Result<Arc<SceneBuffers>, VulkanError> {
     let mut shared = SCENE.lock().unwrap_or_else(PoisonError::into_inner);
-    // Scenes built in code have no hash.
-    let has_hash = scene.content_hash != [0; 32];
-    let key = (
-        scene.content_hash,
-        scene.triangles.len(),
-        scene.instances.placements.len(),
-    );
+    let key = scene.key();
     if let Some((on, cached, buffers)) = &*shared
-        && has_hash
-        && *cached == key
+        && key == Some(*cached)
         && std::ptr::eq(on.as_ptr(), Arc::as_ptr(device))
         && let Some(buffers) = buffers.upgrade()
     {
         return Ok(buffers);
     }
     let buffers = Arc::new(SceneBuffers::new(device, scene)?);
-    *shared = Some((Arc::downgrade(device), key, Arc::downgrade(&buffers)));
+    *shared = key.map(|key| (Arc::downgrade(device), key, Arc::downgrade(&buffers)));
     Ok(buffers)
 }

@@ -256,7 +256,17 @@ impl Material {
     }
 }
 
+/// Identifies a compiled scene: the hash of its description, and the numbers of stored triangles and
+/// of placements, by which scenes differ whose meshes are shared or copied.
+pub type CompiledKey = ([u8; 32], usize, usize);
+
 impl CompiledScene {
+    /// Returns what identifies the scene, or `None` for scenes built in code, which have no hash.
+    pub fn key(&self) -> Option<CompiledKey> {
+        let counts = (self.triangles.len(), self.instances.placements.len());
+        (self.content_hash != [0; 32]).then_some((self.content_hash, counts.0, counts.1))
+    }
+
     /// Returns whether shading a material, or one of its components, needs tangents.
     pub fn uses_tangents(&self, material: u32) -> bool {
         let uses = |row: u32| self.materials[row as usize].uses_tangents();

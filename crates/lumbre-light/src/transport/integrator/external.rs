@@ -102,27 +102,3 @@ pub(super) fn declared(name: &str) -> Option<&'static IntegratorRow> {
         .is_some_and(is_free_name)
         .then_some(&DECLARED)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::transport::integrator::integrator;
-
-    #[test]
-    fn declared_techniques_have_one_row_and_bridges_their_own() {
-        let row = |name: &str| integrator(name).map(|row| row.name);
-        assert_eq!(row("external:mitsuba"), Some("external:mitsuba"));
-        assert_eq!(row("external:pbrt-v4.1"), Some("external"));
-        for name in [
-            "external:",
-            "external:a b",
-            "external:../x",
-            "external",
-            "pbrt",
-        ] {
-            assert_eq!(row(name), None, "{name}");
-        }
-        assert!(is_external(integrator("external:x").unwrap()));
-        assert!(!is_free_name("mitsuba") && is_free_name("mitsuba2"));
-    }
-}
