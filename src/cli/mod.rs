@@ -105,7 +105,7 @@ fn run() -> Exit {
 fn parse_arguments() -> Result<Cli, clap::Error> {
     let arguments = about::usage::with_verb_of_pictures(std::env::args_os().collect());
     let version = crate::text::program().trim_start_matches("lumbre ");
-    let mut command = about::reference::command().version(version);
+    let mut command = command().version(version);
     let matches = command
         .try_get_matches_from_mut(&arguments)
         .map_err(|error| about::usage::with_remedy(error, &command, &arguments))?;

@@ -188,7 +188,11 @@ fn a_change_abandons_the_picture_in_progress() {
             ("integrator", technique.into()),
             ("max_depth", Value::Int(20)),
         ]);
-        // One sample of every pixel of this picture takes far longer than the wait below.
+        // A hundredth of the large picture's pixels, for its time on this machine as busy as it is.
+        let start = Instant::now();
+        let number = session.request(Slot::A, Some(request(&settings, [600, 400])));
+        wait_for(&session, number, 1);
+        let whole = start.elapsed() * 100;
         session.request(Slot::A, Some(request(&settings, [6000, 4000])));
         wait_until("the start of the large picture", || {
             let published = session.published();
@@ -199,8 +203,8 @@ fn a_change_abandons_the_picture_in_progress() {
         let number = session.request(Slot::A, Some(request(&settings, RESOLUTION)));
         let view = wait_for(&session, number, 1);
         assert!(
-            start.elapsed() < MAX_WAIT / 12,
-            "{technique}: {:?}",
+            start.elapsed() < whole / 4,
+            "{technique}: {:?} of {whole:?}",
             start.elapsed()
         );
         let image = &view.frame.unwrap().image;

@@ -20,16 +20,16 @@ fn kill(args: &[&str]) -> u64 {
 }
 
 #[test]
-fn a_night_killed_at_fifty_random_instants_leaves_the_same_bytes() {
+fn a_night_killed_at_random_instants_leaves_the_same_bytes() {
     assert!(
-        kill(&["--kill", "50"]) >= 10,
-        "at least 10 of 50 kills must leave a checkpoint"
+        kill(&["--kill", "25"]) >= 5,
+        "at least 5 of 25 kills must leave a checkpoint"
     );
 }
 
 #[test]
-fn interleaved_techniques_killed_fifty_times_leave_the_same_bytes() {
-    assert!(kill(&["--kill", "50", "--order", "interleave", "--seed", "3"]) >= 10);
+fn interleaved_techniques_killed_at_random_instants_leave_the_same_bytes() {
+    assert!(kill(&["--kill", "25", "--order", "interleave", "--seed", "3"]) >= 5);
 }
 
 #[test]

@@ -83,7 +83,7 @@ pub(super) fn open(scene: Arc<CompiledScene>, job: Job) -> Result<CpuRenderer, R
         let found = known.prepared.iter().find(same);
         found.map(|(_, _, prepared)| Arc::clone(prepared))
     };
-    // A statement of its own, so that nobody waits for the lock while a hierarchy is built.
+    // The lock is released before a hierarchy is built.
     let kept_scene = kept().iter().find(|known| known.is(&scene)).map(find);
     let Some(found) = kept_scene else {
         return CpuRenderer::new(scene, job);

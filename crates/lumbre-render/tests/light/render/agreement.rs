@@ -325,7 +325,7 @@ fn integrators_agree_on_diffuse_surfaces_under_unequal_lights() {
     let scene = room(EYE)
         .sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0))
         .build();
-    agree_with_bpt(&scene, 5, None, 1000);
+    agree_with_bpt(&scene, 5, None, 500);
 }
 
 /// Uses panels that do not touch: where surfaces meet, the geometry term of a connection is
@@ -411,7 +411,7 @@ fn integrators_agree_on_caustics_of_mirror_and_glass() {
         .sphere(Vec3::new(0.6, 0.45, 0.2), 0.4, mirror)
         .sphere(Vec3::new(-0.3, 1.4, -0.4), 0.25, light(6.0))
         .build();
-    agree_with_bpt(&scene, 7, None, 1400);
+    agree_with_bpt(&scene, 7, None, 700);
 }
 
 #[test]
@@ -426,7 +426,7 @@ fn integrators_agree_on_mixed_lobes_with_russian_roulette() {
         .sphere(Vec3::new(-0.5, 0.5, 0.0), 0.5, mixed)
         .sphere(Vec3::new(0.6, 1.0, 0.2), 0.25, light(5.0))
         .build();
-    agree_with_bpt(&scene, 8, Some(2), 1400);
+    agree_with_bpt(&scene, 8, Some(2), 700);
 }
 
 #[test]
@@ -438,7 +438,7 @@ fn integrators_agree_with_a_thin_lens() {
     );
     scene.camera.optics = scene.camera.optics.with_aperture(0.4);
     scene.camera.focus_distance = Some(2.5);
-    agree_with_bpt(&Arc::new(scene), 4, None, 1000);
+    agree_with_bpt(&Arc::new(scene), 4, None, 500);
 }
 
 #[test]
@@ -459,7 +459,7 @@ fn integrators_agree_on_emitters_that_reflect() {
         )
         .sphere(Vec3::new(0.5, 0.5, 0.3), 0.4, lamp)
         .build();
-    agree_with_bpt(&scene, 6, None, 1000);
+    agree_with_bpt(&scene, 6, None, 500);
 }
 
 /// Renders a glass ball and a diffuse ball under a sky with a bright spot, through a thin lens.
@@ -493,7 +493,7 @@ fn integrators_agree_on_caustics_of_an_environment_map() {
     });
     scene.camera.optics = scene.camera.optics.with_aperture(0.2);
     scene.camera.focus_distance = Some(2.5);
-    agree_with_bpt(&Arc::new(scene), 6, None, 800);
+    agree_with_bpt(&Arc::new(scene), 6, None, 400);
 }
 
 /// `bpt` cannot find these lights, so `nee` is the reference. It finds them wherever no glass lies

@@ -144,7 +144,7 @@ fn integrators_agree_on_anisotropic_metal() {
         .sphere(Vec3::new(0.5, 0.5, 0.2), 0.45, upright)
         .sphere(LAMP.0, LAMP.1, light(6.0))
         .build();
-    agree_with_bpt(&scene, 5, None, 900);
+    agree_with_bpt(&scene, 5, None, 450);
 }
 
 #[test]
@@ -168,7 +168,7 @@ fn integrators_agree_on_a_clear_coat_over_a_mixture() {
         .sphere(Vec3::new(0.6, 0.5, 0.3), 0.45, smooth)
         .sphere(LAMP.0, LAMP.1, light(6.0))
         .build();
-    agree_with_bpt(&scene, 6, None, 900);
+    agree_with_bpt(&scene, 6, None, 450);
 }
 
 #[test]
@@ -197,5 +197,5 @@ fn integrators_agree_on_cloth_and_on_a_surface_seen_from_behind() {
         .sphere(Vec3::new(-0.6, 0.5, 0.0), 0.45, velvet)
         .sphere(LAMP.0, LAMP.1, light(6.0))
         .build();
-    agree_with_bpt(&scene, 5, None, 900);
+    agree_with_bpt(&scene, 5, None, 450);
 }

@@ -60,7 +60,7 @@ fn integrators_agree_on_a_normal_mapped_floor() {
             roughness: 0.4,
             ..grey(0.7)
         };
-        agree_with_bpt(&room_with_floor(builder, floor), 5, None, 1200);
+        agree_with_bpt(&room_with_floor(builder, floor), 5, None, 600);
     }
 }
 
@@ -81,7 +81,7 @@ fn integrators_agree_on_a_bump_mapped_floor() {
             roughness: 0.4,
             ..grey(0.7)
         };
-        agree_with_bpt(&room_with_floor(builder, floor), 5, None, 1200);
+        agree_with_bpt(&room_with_floor(builder, floor), 5, None, 600);
     }
 }
 
@@ -132,7 +132,7 @@ fn integrators_agree_on_masked_leaves() {
                 lamp,
             )
             .build();
-        agree_with_bpt(&scene, 5, None, 1200);
+        agree_with_bpt(&scene, 5, None, 600);
     }
 }
 
@@ -178,7 +178,7 @@ fn integrators_agree_on_light_through_paper() {
         .build();
     let mut scene = Arc::unwrap_or_clone(scene);
     scene.tangents = vec![[Vec4::new(1.0, 0.0, 0.0, 1.0); 3]; scene.triangles.len()];
-    agree_with_bpt(&Arc::new(scene), 6, None, 1200);
+    agree_with_bpt(&Arc::new(scene), 6, None, 600);
 }
 
 /// Returns the scene with a coarse ball of `slices` slices and half as many stacks, with smooth
@@ -254,7 +254,7 @@ fn integrators_agree_on_the_terminator_offset_of_a_coarse_ball() {
             &coarse_ball(8, builder, Vec3::new(0.1, 0.7, 0.3), 0.6, material),
             5,
             None,
-            1200,
+            600,
         );
     }
 }
@@ -288,7 +288,7 @@ fn integrators_agree_on_the_terminator_offset_of_a_ball_lit_from_behind() {
         &coarse_ball(6, builder, Vec3::ZERO, 0.6, material),
         4,
         None,
-        2000,
+        1000,
     );
 }
 

@@ -31,18 +31,18 @@ fn they_agree_in_pictures_of_orthographic_and_spherical_cameras() {
     for kind in [CameraKind::Orthographic, CameraKind::Spherical] {
         let mut scene = Arc::unwrap_or_clone(panel(boxed(grey(0.5))));
         (scene.camera.kind, scene.camera.view_height) = (kind, 1.5);
-        agree_with("nee", &Arc::new(scene), 5, 6000);
+        agree_with("nee", &Arc::new(scene), 5, 3000);
     }
 }
 
 #[test]
 fn they_agree_on_caustics_of_glass_and_mirror() {
-    agree_with("bdpt", &panel(boxed(GLASS)), 6, 12_000);
+    agree_with("bdpt", &panel(boxed(GLASS)), 6, 6000);
     let mirror = Material {
         metallic: 1.0,
         ..WHITE
     };
-    agree_with("bdpt", &panel(boxed(mirror)), 5, 12_000);
+    agree_with("bdpt", &panel(boxed(mirror)), 5, 6000);
 }
 
 #[test]
@@ -51,7 +51,7 @@ fn they_agree_on_a_caustic_of_a_small_lamp_under_glass() {
     let lamp = Vec3::new(0.2, 0.5, 0.0);
     let scene = boxed(grey(0.5)).sphere(lamp, 0.3, GLASS);
     let scene = scene.sphere(lamp, 0.12, light(40.0)).build();
-    agree_with("bdpt", &scene, 6, 12_000);
+    agree_with("bdpt", &scene, 6, 6000);
 }
 
 #[test]
@@ -63,7 +63,7 @@ fn they_agree_on_glossy_metal_and_plastic() {
             roughness,
             ..grey(0.8)
         };
-        agree_with("nee", &panel(boxed(ball)), 5, 6000);
+        agree_with("nee", &panel(boxed(ball)), 5, 3000);
     }
 }
 
@@ -108,16 +108,16 @@ fn they_agree_on_masks_with_values_between_0_and_1() {
 fn they_agree_under_lights_that_no_camera_path_hits() {
     let high = Vec3::new(0.5, 2.0, 1.0);
     let point = stage(GLASS).point(high, Vec3::splat(6.0)).build();
-    agree_with("bdpt", &point, 5, 20_000);
+    agree_with("bdpt", &point, 5, 10_000);
     let cone = ConeDesc {
         beam_deg: 25.0,
         cutoff_deg: 40.0,
         edge: ConeEdge::Linear,
     };
     let spot = stage(polished()).spot(high, Vec3::Y * 0.5 - high, Vec3::splat(9.0), cone);
-    agree_with("bdpt", &spot.build(), 5, 20_000);
+    agree_with("bdpt", &spot.build(), 5, 10_000);
     let sun = stage(polished()).directional(Vec3::new(-0.3, -1.0, -0.5), Vec3::splat(3.0));
-    agree_with("bdpt", &sun.build(), 5, 20_000);
+    agree_with("bdpt", &sun.build(), 5, 10_000);
 }
 
 #[test]
@@ -161,7 +161,7 @@ fn a_furnace_has_the_radiance_of_its_series() {
         .environment(None, Vec3::splat(2.0), 0.0)
         .build();
     for technique in techniques() {
-        let job = constant_job(&technique, 12, 3, 0.05, 20_000);
+        let job = constant_job(&technique, 12, 3, 0.05, 10_000);
         let films = spread(&ball, &job, 8, 16);
         let (mean, error) = mean_and_error(&column(&films, 0));
         assert!(
