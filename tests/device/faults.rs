@@ -10,7 +10,7 @@ use lumbre_vulkan::context::{device::Device, physical_device::Caps};
 use lumbre_vulkan::error::VulkanError;
 use lumbre_vulkan::memory::buffer::Buffer;
 use lumbre_vulkan::pipelines::program::TracingMode;
-use lumbre_vulkan::pipelines::sources::{HAS_COMPILER, ShaderError, Sources};
+use lumbre_vulkan::pipelines::sources::{ShaderError, Sources};
 use lumbre_vulkan::renderer::{VulkanRenderer, into_render_error};
 
 use super::harness;
@@ -83,29 +83,8 @@ fn a_missing_feature_is_an_error_that_names_the_feature_and_the_device() {
 }
 
 #[test]
-fn a_folder_of_shaders_without_their_compiler_is_refused_with_the_remedy() {
-    let Some(device) = harness::device().filter(|_| !HAS_COMPILER) else {
-        return;
-    };
-    let sources = Sources::Folder("anywhere".into());
-    let error = open(&device, TracingMode::Compute, &sources, &job([8, 8], 2, 1))
-        .err()
-        .unwrap();
-    assert!(
-        matches!(error, VulkanError::Shader(ShaderError::NoCompiler)),
-        "{error:?}"
-    );
-    assert_eq!(sources.edited(), Err(ShaderError::NoCompiler));
-    let message = error.to_string();
-    assert!(
-        message.contains("unset LUMBRE_SHADERS") && message.contains("--features shader-dev"),
-        "{message}"
-    );
-}
-
-#[test]
 fn shaders_of_a_folder_replace_the_embedded_ones_and_their_errors_name_the_line() {
-    let Some(device) = harness::device().filter(|_| HAS_COMPILER) else {
+    let Some(device) = harness::device().filter(|_| harness::has_compiler()) else {
         return;
     };
     let folder = tempfile::tempdir().unwrap();

@@ -14,6 +14,7 @@ use lumbre_vulkan::context::instance;
 use lumbre_vulkan::context::limits::Limits;
 use lumbre_vulkan::context::physical_device;
 use lumbre_vulkan::context::{device::Device, physical_device::Caps};
+use lumbre_vulkan::pipelines::glsl::Compiler;
 use lumbre_vulkan::pipelines::program::TracingMode;
 use lumbre_vulkan::pipelines::sources::Sources;
 
@@ -41,6 +42,15 @@ pub fn device() -> Option<Arc<Device>> {
             None
         }
     }
+}
+
+/// Returns whether the compiler of shaders is installed; prints a line `SKIPPED` if not.
+pub fn has_compiler() -> bool {
+    let found = Compiler::find();
+    if let Err(reason) = &found {
+        crate::common::skipped(reason);
+    }
+    found.is_ok()
 }
 
 /// Returns the same device without float atomics: splats are integers, whose bits do not depend on

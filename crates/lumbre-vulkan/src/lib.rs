@@ -33,6 +33,7 @@ use lumbre_render::backend_choice;
 use lumbre_render::path_trace::{PathEvent, SampleAt};
 use lumbre_render::shaders::Shaders;
 use lumbre_render::{BackendRow, Job, RenderError, Renderer, worker};
+use pipelines::glsl::Compiler;
 use pipelines::program::TracingMode;
 use pipelines::sources::Sources;
 use renderer::VulkanRenderer;
@@ -105,10 +106,14 @@ fn refuses(integrator: &IntegratorRow, shaders: &Shaders) -> Option<String> {
     })
 }
 
-/// Resolves a choice of shaders.
+/// Resolves a choice of shaders. A folder needs a compiler, here as well as where a run is opened.
 fn shaders(choice: &Shaders) -> Result<Shaders, String> {
     let resolved = Sources::selected(choice).resolved();
-    resolved.map_err(|e| e.to_string())
+    let resolved = resolved.map_err(|e| e.to_string())?;
+    if resolved.folder().is_some() {
+        Compiler::find().map_err(|e| e.to_string())?;
+    }
+    Ok(resolved)
 }
 
 /// Opens a run, in a worker process if this process uses any.

@@ -357,8 +357,8 @@ pub const RENDER: Table = Table {
             required: false,
             default: shaders::BUILT_IN,
             doc: "folder whose shaders replace those of the program on Vulkan backends, relative to \
-                  the current folder or else to the script's; needs a program built with \
-                  `--features shader-dev`; a reference does not inherit it",
+                  the current folder or else to the script's; needs the compiler of shaders, a \
+                  program on PATH; a reference does not inherit it",
         },
         Field {
             key: "backend",

@@ -34,7 +34,7 @@ use lumbre_light::transport::integrator::IntegratorRow;
 use lumbre_light::transport::integrator::external::is_declared;
 use lumbre_light::value::Value;
 
-pub use process::end_all;
+pub use process::{end_all, output};
 pub use technique::Technique;
 
 use process::{Interruption, Patience, Process, Talk, printable};

@@ -2,6 +2,7 @@
 //! a whole; the last of its output is kept, with a limit on memory and on waiting.
 
 use std::collections::{BTreeSet, VecDeque};
+use std::ffi::OsStr;
 use std::io::{Read, Write};
 use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
@@ -30,6 +31,28 @@ pub fn end_all() {
     for leader in running.iter() {
         signal_group(*leader, EndSignal::Kill);
     }
+}
+
+/// Runs a program, which reads nothing, to its end. Returns its exit status, and the lines of its
+/// output that are not empty: of much output the last ones, with control characters made visible.
+///
+/// # Errors
+/// Returns a message if it cannot be started, or has not exited within `limit`, when it is ended.
+pub fn output<S: AsRef<OsStr>>(
+    words: &[S],
+    limit: Duration,
+) -> Result<(ExitStatus, Vec<String>), String> {
+    let mut process = Process::start(words, Talk::None)?;
+    let patience = Patience {
+        until: Instant::now() + limit,
+        cancelled: &|| false,
+    };
+    let (status, _) = process
+        .wait(&patience)
+        .map_err(|_| format!("it was ended because it ran for {} s", limit.as_secs_f64()))?;
+    let text = kept_text(&process.stdout) + &kept_text(&process.stderr);
+    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
+    Ok((status, lines.map(printable).collect()))
 }
 
 /// Why waiting for a process ended early.
@@ -94,7 +117,7 @@ impl Process {
     ///
     /// # Errors
     /// Returns a message if it cannot be started.
-    pub(super) fn start(words: &[String], talk: Talk) -> Result<Process, String> {
+    pub(super) fn start<S: AsRef<OsStr>>(words: &[S], talk: Talk) -> Result<Process, String> {
         let (program, arguments) = words.split_first().ok_or("there is no program to run")?;
         let mut command = Command::new(program);
         command
@@ -112,7 +135,7 @@ impl Process {
         let started = Instant::now();
         let mut child = command
             .spawn()
-            .map_err(|e| format!("`{program}` cannot be started: {e}"))?;
+            .map_err(|e| format!("`{}` cannot be started: {e}", program.as_ref().display()))?;
         let mut running = RUNNING.lock().unwrap_or_else(PoisonError::into_inner);
         running.insert(child.id());
         drop(running);

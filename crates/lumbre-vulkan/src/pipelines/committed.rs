@@ -7,8 +7,8 @@ use flate2::read::DeflateDecoder;
 /// File name and raw deflate stream of every module of `spirv/`.
 static MODULES: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/modules.rs"));
 
-/// Returns the file names of the modules. Programs with the compiler of shaders ask its texts instead.
-#[cfg(any(test, not(feature = "shader-dev")))]
+/// Returns the file names of the modules.
+#[cfg(test)]
 pub(super) fn files() -> impl Iterator<Item = &'static str> {
     MODULES.iter().map(|(file, _)| *file)
 }

@@ -1,279 +1,257 @@
-//! Compiles GLSL to SPIR-V in the process itself. Needs no device; only with the feature
-//! `shader-dev`.
+//! Compiles GLSL to SPIR-V by the reference compiler, a program on PATH. Needs no device.
 //!
-//! Names in `#include` lines are paths from the root of the shader folder, wherever they appear.
+//! Names in `#include` lines are paths from the root of the shader folder, wherever they appear,
+//! and some come from the program. The compiler knows neither, so it reads numbered files in a
+//! temporary folder: their `#include` lines name numbers, and `#line` names the path for messages.
 
-use std::collections::BTreeSet;
-use std::path::{Component, Path};
+use std::ffi::{OsStr, OsString};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
 
-use glslang::include::{IncludeHandler, IncludeResult, IncludeType};
-use glslang::{
-    Compiler, CompilerOptions, ShaderInput, ShaderMessage, ShaderSource, ShaderStage,
-    SourceLanguage, SpirvVersion, Target, VulkanVersion,
-};
+use lumbre_render::external;
 
 use super::modules::Recipe;
-use super::shrink::shrink;
-use super::sources::{ShaderError, Sources};
-use super::texts::TEXTS;
-use lumbre_light::scene::load::files;
+use super::shrink::{is_whole, shrink};
+use super::sources::{ShaderError, Sources, words};
 
-/// Endings of the files that are shaders. Other files of a folder are not read.
-const ENDINGS: [&str; 7] = ["glsl", "comp", "rgen", "rchit", "rahit", "rint", "rmiss"];
+/// Names of the compiler in order of preference, with the arguments that ask for SPIR-V 1.5.
+const PROGRAMS: [(&str, &[&str]); 3] = [
+    ("glslangValidator", &["--target-env", "vulkan1.2"]),
+    ("glslang", &["--target-env", "vulkan1.2"]),
+    ("glslc", &["--target-env=vulkan1.2"]),
+];
 
-/// Greatest number of files and folders in a folder of shaders.
-const MAX_ENTRIES: usize = 10_000;
+/// Time after which a compiler is ended. The largest module takes half a second.
+const TIME_LIMIT: Duration = Duration::from_secs(30);
 
-/// Greatest depth of folders in a folder of shaders.
-const MAX_DEPTH: usize = 16;
+/// Greatest number of lines of messages that are quoted.
+const MAX_LINES: usize = 20;
 
-impl Sources {
-    /// Returns a hash of the shaders that differ from those of the program, or `None` if none does.
-    /// Shaders that the program does not have count too, since others may include them.
+/// Parts of the lines that end the compiler's messages.
+const SUMMARIES: [&str; 4] = [
+    "compilation errors.",
+    "errors generated.",
+    "error generated.",
+    "SPIR-V is not generated",
+];
+
+/// Compiler of shaders, an installed program.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Compiler {
+    /// Path of the program.
+    pub program: PathBuf,
+    arguments: &'static [&'static str],
+}
+
+impl Compiler {
+    /// Returns the compiler on PATH.
     ///
     /// # Errors
-    /// Returns an error if the folder does not exist, one of its files cannot be read, none of them
-    /// is a shader of this program, or there are too many.
-    pub fn edited(&self) -> Result<Option<String>, ShaderError> {
-        let Sources::Folder(folder) = self else {
-            return Ok(None);
-        };
-        let unreadable = |problem: &str| ShaderError::Unreadable {
-            file: format!("folder {}", folder.display()),
-            problem: problem.to_owned(),
-        };
-        if !folder.is_dir() {
-            return Err(unreadable("no such folder"));
-        }
-        if !TEXTS.iter().any(|(name, _)| folder.join(name).is_file()) {
-            return Err(unreadable(
-                "it contains none of the files of the program's shaders/ folder",
-            ));
-        }
-        let mut found = BTreeSet::new();
-        list(folder, "", &mut found, &mut 0).map_err(|problem| unreadable(&problem))?;
-        let embedded = TEXTS.iter().map(|(name, text)| (*name, Some(*text)));
-        let known: BTreeSet<&str> = TEXTS.iter().map(|(name, _)| *name).collect();
-        let further = found.iter().map(String::as_str);
-        let further = further.filter(|name| !known.contains(name));
-        let (mut hasher, mut any) = (blake3::Hasher::new(), false);
-        for (name, embedded) in embedded.chain(further.map(|name| (name, None))) {
-            let (_, text) = self.text(name)?;
-            if Some(text.as_str()) != embedded {
-                any = true;
-                for part in [name.as_bytes(), &[0], text.as_bytes(), &[0]] {
-                    hasher.update(part);
-                }
-            }
-        }
-        Ok(any.then(|| hasher.finalize().to_hex().to_string()))
+    /// Returns an error if none is installed.
+    pub fn find() -> Result<Compiler, ShaderError> {
+        let path = std::env::var_os("PATH").unwrap_or_default();
+        Compiler::in_folders(&path).ok_or(ShaderError::NoCompiler)
     }
 
-    /// Returns whether there is a shader of this integrator.
-    pub fn has_integrator(&self, name: &str) -> bool {
-        self.text(&format!("transport/integrator/{name}")).is_ok()
-    }
-
-    /// Returns path and text of a shader by its path below the root; a path without an extension is
-    /// that of `PATH.glsl` or `PATH/mod.glsl`.
-    ///
-    /// # Errors
-    /// Returns an error if it does not exist or cannot be read.
-    fn text(&self, path: &str) -> Result<(String, String), ShaderError> {
-        let candidates = if Path::new(path).extension().is_some() {
-            vec![path.to_owned()]
-        } else {
-            vec![format!("{path}.glsl"), format!("{path}/mod.glsl")]
-        };
-        for candidate in candidates {
-            if let Some(text) = self.file(&candidate)? {
-                return Ok((candidate, text));
-            }
-        }
-        Err(ShaderError::Missing(path.to_owned()))
-    }
-
-    /// Returns the text of a file of the folder or, if it has none, of the program.
-    fn file(&self, path: &str) -> Result<Option<String>, ShaderError> {
-        if let Sources::Folder(folder) = self
-            && is_shader(path)
-        {
-            let file = folder.join(path);
-            let unreadable = |problem: String| ShaderError::Unreadable {
-                file: file.display().to_string(),
-                problem,
-            };
-            if file.exists() {
-                files::check(&file).map_err(unreadable)?;
-                let text = std::fs::read_to_string(&file);
-                return text.map(Some).map_err(|e| unreadable(e.to_string()));
-            }
-        }
-        let embedded = TEXTS.iter().find(|(name, _)| *name == path);
-        Ok(embedded.map(|(_, text)| (*text).to_owned()))
-    }
-}
-
-/// Returns whether a path is that of a shader below the root of a folder.
-fn is_shader(path: &str) -> bool {
-    let path = Path::new(path);
-    let ending = path.extension().and_then(|ending| ending.to_str());
-    let mut parts = path.components();
-    parts.all(|part| matches!(part, Component::Normal(_)))
-        && ending.is_some_and(|ending| ENDINGS.contains(&ending))
-}
-
-/// Adds the paths of the shaders in a folder, each after `prefix`, with slashes between the folders.
-/// `entries` counts what was looked at. The error is the reason why the folder cannot be listed.
-fn list(
-    folder: &Path,
-    prefix: &str,
-    found: &mut BTreeSet<String>,
-    entries: &mut usize,
-) -> Result<(), String> {
-    for entry in std::fs::read_dir(folder).map_err(|e| e.to_string())? {
-        let path = entry.map_err(|e| e.to_string())?.path();
-        *entries += 1;
-        let depth = prefix.matches('/').count();
-        if *entries > MAX_ENTRIES || depth > MAX_DEPTH {
-            return Err(format!(
-                "it has more than {MAX_ENTRIES} files, or folders deeper than {MAX_DEPTH}"
-            ));
-        }
-        let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
-            continue;
-        };
-        let below = format!("{prefix}{name}");
-        if path.is_dir() {
-            list(&path, &format!("{below}/"), found, entries)?;
-        } else if is_shader(&below) {
-            found.insert(below);
-        }
-    }
-    Ok(())
-}
-
-/// Makes a module: compiles it and removes what drivers do not need.
-///
-/// # Errors
-/// Returns an error if a file is missing, cannot be read, or does not compile.
-pub fn make(sources: &Sources, recipe: &Recipe) -> Result<Vec<u32>, ShaderError> {
-    Ok(shrink(&compile(sources, recipe)?))
-}
-
-/// Compiles a module with debug names; its stage is given by the extension of its entry (`comp`,
-/// `rgen`, `rchit`, `rahit`, `rint`, `rmiss`).
-///
-/// # Errors
-/// Returns an error if a file is missing, cannot be read, or does not compile.
-pub fn compile(sources: &Sources, recipe: &Recipe) -> Result<Vec<u32>, ShaderError> {
-    let path = recipe.entry.as_str();
-    let invalid = |log: String| ShaderError::Invalid {
-        entry: path.to_owned(),
-        log,
-    };
-    let stage = stage_of(path)
-        .ok_or_else(|| invalid("its file extension is not that of a shader stage".to_owned()))?;
-    let compiler = Compiler::acquire()
-        .ok_or_else(|| invalid("the GLSL compiler cannot be started".to_owned()))?;
-    let options = CompilerOptions {
-        source_language: SourceLanguage::GLSL,
-        target: Target::Vulkan {
-            version: VulkanVersion::Vulkan1_2,
-            spirv_version: SpirvVersion::SPIRV1_5,
-        },
-        messages: ShaderMessage::DEFAULT,
-        version_profile: None,
-    };
-    let text = match &recipe.text {
-        Some(text) => text.clone(),
-        None => sources.text(path)?.1,
-    };
-    if text.contains('\0') {
-        return Err(invalid("it contains a zero byte".to_owned()));
-    }
-    let source = ShaderSource::from(text.as_str());
-    let mut include = Include {
-        sources,
-        generated: &recipe.generated,
-        failed: None,
-    };
-    let defines: Vec<(&str, Option<&str>)> =
-        recipe.defines.iter().map(|name| (*name, None)).collect();
-    let compiled = ShaderInput::new(&source, stage, &options, Some(&defines), Some(&mut include))
-        .and_then(|input| compiler.create_shader(input))
-        .and_then(|shader| shader.compile());
-    match (compiled, include.failed) {
-        (_, Some(failed)) => Err(failed),
-        (Ok(words), None) => Ok(words),
-        (Err(error), None) => Err(invalid(extract_problems(&error.to_string(), path))),
-    }
-}
-
-fn stage_of(path: &str) -> Option<ShaderStage> {
-    match Path::new(path).extension()?.to_str()? {
-        "comp" => Some(ShaderStage::Compute),
-        "rgen" => Some(ShaderStage::RayGeneration),
-        "rchit" => Some(ShaderStage::ClosestHit),
-        "rahit" => Some(ShaderStage::AnyHit),
-        "rint" => Some(ShaderStage::Intersect),
-        "rmiss" => Some(ShaderStage::Miss),
-        _ => None,
-    }
-}
-
-/// Extracts the errors and warnings of a compiler log. The compiler calls the first text `0`.
-fn extract_problems(log: &str, path: &str) -> String {
-    let problem = |line: &&str| line.starts_with("ERROR:") || line.starts_with("WARNING:");
-    let lines: Vec<String> = log
-        .lines()
-        .map(|l| l.strip_prefix("Log:").unwrap_or(l))
-        .filter(problem)
-        .filter(|l| !l.contains("compilation errors"))
-        .map(|l| {
-            l.trim_start_matches("ERROR: ").replacen(
-                "0:",
-                &format!("{path}:"),
-                usize::from(l.contains(": 0:")),
-            )
+    /// Returns the compiler in a list of folders like PATH. Relative folders are not searched.
+    fn in_folders(path: &OsStr) -> Option<Compiler> {
+        PROGRAMS.iter().find_map(|(name, arguments)| {
+            let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);
+            let program = std::env::split_paths(path)
+                .filter(|folder| folder.is_absolute())
+                .map(|folder| folder.join(&file))
+                .find(|file| file.is_file())?;
+            Some(Compiler { program, arguments })
         })
-        .collect();
-    if lines.is_empty() {
-        log.to_owned()
-    } else {
-        lines.join("\n")
+    }
+
+    /// Returns the first line in which it states its version.
+    ///
+    /// # Errors
+    /// Returns a message if it cannot be run.
+    pub fn version(&self) -> Result<String, String> {
+        let words = [self.program.as_os_str(), OsStr::new("--version")];
+        let (_, lines) = external::output(&words, TIME_LIMIT)?;
+        Ok(lines.into_iter().next().unwrap_or_default())
+    }
+
+    /// Makes a module: compiles it and removes what drivers do not need.
+    ///
+    /// # Errors
+    /// Returns an error in the cases of [`Compiler::compile`].
+    pub fn make(&self, sources: &Sources, recipe: &Recipe) -> Result<Vec<u32>, ShaderError> {
+        Ok(shrink(&self.compile(sources, recipe)?))
+    }
+
+    /// Compiles a module with debug names; its stage is given by the extension of its entry (`comp`,
+    /// `rgen`, `rchit`, `rahit`, `rint`, `rmiss`).
+    ///
+    /// # Errors
+    /// Returns an error if a file is missing, cannot be read or does not compile, or if the compiler
+    /// fails.
+    pub fn compile(&self, sources: &Sources, recipe: &Recipe) -> Result<Vec<u32>, ShaderError> {
+        self.compile_within(TIME_LIMIT, sources, recipe)
+    }
+
+    fn compile_within(
+        &self,
+        limit: Duration,
+        sources: &Sources,
+        recipe: &Recipe,
+    ) -> Result<Vec<u32>, ShaderError> {
+        let failed = |problem: String| ShaderError::Compiler {
+            program: self.program.clone(),
+            entry: recipe.entry.clone(),
+            problem,
+        };
+        let unwritten = |e: std::io::Error| failed(format!("its input cannot be written: {e}"));
+        let folder = tempfile::tempdir().map_err(unwritten)?;
+        let stage = Path::new(&recipe.entry).extension().unwrap_or_default();
+        let entry = folder.path().join("0").with_extension(stage);
+        for (i, (path, text)) in texts(sources, recipe)?.iter().enumerate() {
+            let written = match i {
+                0 => std::fs::write(&entry, text),
+                _ => {
+                    let text = format!("#line 1 \"{path}\"\n{text}");
+                    std::fs::write(folder.path().join(file_name(i)), text)
+                }
+            };
+            written.map_err(unwritten)?;
+        }
+        let module = folder.path().join("module.spv");
+        let mut command = vec![OsString::from(&self.program)];
+        command.extend(self.arguments.iter().map(OsString::from));
+        let defines = recipe.defines.iter();
+        command.extend(defines.map(|name| format!("-D{name}").into()));
+        let mut include = OsString::from("-I");
+        include.push(folder.path());
+        command.extend([include, "-o".into()]);
+        command.extend([module.clone(), entry.clone()].map(OsString::from));
+        let (status, lines) = external::output(&command, limit).map_err(failed)?;
+        let log = problems(&lines, &entry.display().to_string(), &recipe.entry);
+        if status.success() {
+            let made = std::fs::read(&module).map(|bytes| words(&bytes));
+            return match made {
+                Ok(words) if is_whole(&words) => Ok(words),
+                _ => Err(failed(format!("it wrote no module. {log}"))),
+            };
+        }
+        match status.code() {
+            Some(_) if !log.is_empty() => Err(ShaderError::Invalid {
+                entry: recipe.entry.clone(),
+                log,
+            }),
+            _ => Err(failed(format!("it ended with {status}. {log}"))),
+        }
     }
 }
 
-/// Resolves `#include` lines.
-struct Include<'a> {
-    sources: &'a Sources,
-    generated: &'a [(String, String)],
-    failed: Option<ShaderError>,
+/// Returns path and text of everything that a module is compiled from, the entry first. `#include`
+/// lines name the files of positions in the result.
+fn texts(sources: &Sources, recipe: &Recipe) -> Result<Vec<(String, String)>, ShaderError> {
+    let entry = match &recipe.text {
+        Some(text) => text.clone(),
+        None => sources.text(&recipe.entry)?.1,
+    };
+    let mut texts = vec![(recipe.entry.clone(), entry)];
+    let mut next = 0;
+    while next < texts.len() {
+        let mut numbered = String::new();
+        for line in without_comments(&texts[next].1).lines() {
+            let Some((name, rest)) = included(line) else {
+                numbered.extend([line, "\n"]);
+                continue;
+            };
+            let mut generated = recipe.generated.iter();
+            let found = match generated.find(|(path, _)| path == name) {
+                Some(found) => Ok(found.clone()),
+                None => sources.text(name),
+            };
+            let named = match found {
+                Ok(found) => {
+                    let known = texts.iter().skip(1).position(|(path, _)| *path == found.0);
+                    let at = known.map_or(texts.len(), |i| i + 1);
+                    texts.extend(known.is_none().then_some(found));
+                    file_name(at)
+                }
+                // The compiler reports it, unless the line is in a part that is left out.
+                Err(missing @ ShaderError::Missing(_)) => missing.to_string().replace('"', "'"),
+                Err(error) => return Err(error),
+            };
+            numbered.push_str(&format!("#include \"{named}\"{rest}\n"));
+        }
+        texts[next].1 = numbered;
+        next += 1;
+    }
+    Ok(texts)
 }
 
-impl IncludeHandler for Include<'_> {
-    fn include(
-        &mut self,
-        _: IncludeType,
-        header: &str,
-        _: &str,
-        _: usize,
-    ) -> Option<IncludeResult> {
-        if let Some((_, data)) = self.generated.iter().find(|(name, _)| *name == header) {
-            return Some(IncludeResult {
-                name: header.to_owned(),
-                data: data.clone(),
-            });
+/// Returns the name of the file of an included text by its position.
+fn file_name(at: usize) -> String {
+    format!("{at}.text")
+}
+
+/// Returns the name in an `#include` line, and what follows it.
+fn included(line: &str) -> Option<(&str, &str)> {
+    let directive = line.trim_start().strip_prefix('#')?.trim_start();
+    let name = directive.strip_prefix("include")?.trim_start();
+    match name.strip_prefix('"') {
+        Some(name) => name.split_once('"'),
+        None => name.strip_prefix('<')?.split_once('>'),
+    }
+}
+
+/// Returns a text in which comments are spaces and continued lines are joined, with all other lines
+/// where they were, so that every `#include` has a line of its own, as the compiler will see it.
+fn without_comments(text: &str) -> String {
+    let (mut joined, mut breaks) = (String::new(), 0);
+    for line in text.replace("\r\n", "\n").replace('\r', "\n").lines() {
+        breaks += 1;
+        let continued = line.strip_suffix('\\');
+        joined.push_str(continued.unwrap_or(line));
+        if continued.is_none() {
+            joined.extend(std::iter::repeat_n('\n', std::mem::take(&mut breaks)));
         }
-        match self.sources.text(header) {
-            Ok((name, data)) => Some(IncludeResult { name, data }),
-            Err(error) => {
-                self.failed.get_or_insert(error);
-                None
+    }
+    let (mut plain, mut rest) = (String::new(), joined.as_str());
+    while let Some(at) = rest.find(['/', '"']) {
+        let (code, tail) = rest.split_at(at);
+        plain.push_str(code);
+        let (is_comment, end) = match tail.as_bytes() {
+            [b'/', b'/', ..] => (true, tail.find('\n')),
+            [b'/', b'*', ..] => {
+                let end = tail[2..].find("*/").map(|end| end + 4);
+                // The compiler reports a comment that does not end.
+                (end.is_some(), end)
             }
+            [b'"', ..] => (false, tail[1..].find(['"', '\n']).map(|end| end + 2)),
+            _ => (false, Some(1)),
+        };
+        let (part, after) = tail.split_at(end.unwrap_or(tail.len()));
+        if is_comment {
+            plain.push(' ');
+            plain.extend(part.matches('\n'));
+        } else {
+            plain.push_str(part);
         }
+        rest = after;
     }
+    plain + rest
+}
+
+/// Returns the messages about the texts in the output of a compiler that read the entry from a file.
+fn problems(lines: &[String], file: &str, entry: &str) -> String {
+    let ends = |line: &&String| SUMMARIES.iter().any(|summary| line.contains(summary));
+    let told = lines.iter().take_while(|line| !ends(line));
+    told.map(|line| line.replace(file, entry))
+        .filter(|line| line != entry)
+        .map(|line| {
+            line.replacen(": error: ", ": ", 1)
+                .replacen("ERROR: ", "", 1)
+        })
+        .take(MAX_LINES)
+        .collect::<Vec<_>>()
+        .join("\n")
 }
 
 #[cfg(test)]

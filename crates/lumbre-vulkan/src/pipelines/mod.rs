@@ -2,19 +2,17 @@
 //! and `ray_tracing` create pipelines, [`program`] combines entry, traversal and integrator for a
 //! run, [`light_paths`] traces the subpaths that its samples share, `cache` stores the driver's pipeline cache, [`statistics`] what drivers report of compiled
 //! pipelines, `once_per_key` creates every pipeline once, and [`test_kernel`] runs single GLSL functions
-//! in tests. With the feature `shader-dev`, `glsl` compiles modules, which `shrink` makes smaller.
+//! in tests. [`glsl`] compiles modules by an installed compiler, and `shrink` makes them smaller.
 
 pub mod cache;
 mod committed;
 pub mod compute;
-#[cfg(feature = "shader-dev")]
 pub mod glsl;
 pub mod light_paths;
 pub mod modules;
 mod once_per_key;
 pub mod program;
 pub mod ray_tracing;
-#[cfg(feature = "shader-dev")]
 mod shrink;
 pub mod sources;
 pub mod statistics;

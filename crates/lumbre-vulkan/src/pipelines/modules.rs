@@ -10,6 +10,7 @@ use std::fmt::Write;
 use lumbre_light::transport::integrator::INTEGRATORS;
 
 use super::program::TracingMode;
+use super::sources::Sources;
 use super::texts::TEXTS;
 use crate::films::device_film::SplatMode;
 
@@ -163,17 +164,10 @@ fn without_variants(stem: &str) -> Recipe {
     }
 }
 
-/// Returns whether the program has the text of an integrator's shader.
-fn has_shader(name: &str) -> bool {
-    let paths = ["", "/mod"].map(|file| format!("transport/integrator/{name}{file}.glsl"));
-    TEXTS
-        .iter()
-        .any(|(path, _)| paths.iter().any(|own| own == path))
-}
-
 /// Returns the recipes of all modules of the program, in the order of their files.
 pub fn recipes() -> Vec<Recipe> {
     let mut recipes: Vec<Recipe> = Vec::new();
+    let has_shader = |name: &str| Sources::Embedded.has_integrator(name);
     for row in INTEGRATORS.iter().filter(|row| has_shader(row.name)) {
         let all_splats: &[SplatMode] = match row.splats {
             false => &[SplatMode::None],

@@ -1,13 +1,17 @@
 //! Sources of shader modules: the SPIR-V in the program, or a folder of modified GLSL, which is
 //! compiled when a run is opened.
 
-use std::path::PathBuf;
+use std::collections::BTreeSet;
+use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
+use lumbre_light::scene::load::files;
 use lumbre_render::shaders::{ShaderFolder, Shaders};
 
 use super::committed;
+use super::glsl::Compiler;
 use super::modules::Recipe;
+use super::texts::TEXTS;
 
 /// Environment variable that names the folder of shaders of runs whose render table has no
 /// `shaders`.
@@ -19,7 +23,7 @@ pub enum Sources {
     /// The SPIR-V in the program.
     Embedded,
     /// A folder laid out like `shaders/`; missing files are taken from the texts in the program.
-    /// Needs the feature `shader-dev`.
+    /// Needs a [`Compiler`].
     Folder(PathBuf),
     /// Modules by file name that replace those of the program: each with the bytes of its SPIR-V.
     Replaced(Arc<[(&'static str, &'static [u8])]>),
@@ -28,13 +32,26 @@ pub enum Sources {
 /// Reason why a shader cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ShaderError {
-    /// The folder of modified shaders cannot be compiled.
+    /// No compiler is installed.
     #[error(
-        "this program was built without the compiler of shaders, which a folder of shaders needs; \
-         build it with `--features shader-dev` and a C++ compiler, or leave out `shaders` and unset \
-         {FOLDER_VARIABLE}"
+        "a folder of shaders needs the compiler `glslangValidator`, `glslang` or `glslc`, and none \
+         is on PATH; install it (on Debian or Ubuntu `apt-get install glslang-tools`), or leave out \
+         `shaders` and unset {FOLDER_VARIABLE}"
     )]
     NoCompiler,
+    /// The compiler failed for a reason that is not the text.
+    #[error(
+        "the compiler {} failed at the shader `{entry}`: {problem}; install another one and put it \
+         first on PATH, or leave out `shaders` and unset {FOLDER_VARIABLE}", .program.display()
+    )]
+    Compiler {
+        /// Path of the compiler.
+        program: PathBuf,
+        /// File that was compiled.
+        entry: String,
+        /// Event, with the end of the compiler's output.
+        problem: String,
+    },
     /// The files of a folder are no longer those that the plan was made for.
     #[error(
         "the shaders in {} have changed since the plan was made; run the command again, which \
@@ -65,9 +82,17 @@ pub enum ShaderError {
     },
 }
 
-/// Whether this program contains the compiler of shaders, which is the feature `shader-dev` of this
-/// crate. A build of the whole workspace has it, because `xtask` needs it.
-pub const HAS_COMPILER: bool = cfg!(feature = "shader-dev");
+/// Endings of the files that are shaders. Other files of a folder are not read.
+const ENDINGS: [&str; 7] = ["glsl", "comp", "rgen", "rchit", "rahit", "rint", "rmiss"];
+
+/// Greatest number of files and folders in a folder of shaders.
+const MAX_ENTRIES: usize = 10_000;
+
+/// Greatest depth of folders in a folder of shaders.
+const MAX_DEPTH: usize = 16;
+
+/// Greatest size of a shader in bytes.
+const MAX_BYTES: u64 = 16 << 20;
 
 impl Sources {
     /// Returns the sources that a run selects, or else [`FOLDER_VARIABLE`].
@@ -119,16 +144,101 @@ impl Sources {
     pub fn module(&self, recipe: &Recipe) -> Result<Vec<u32>, ShaderError> {
         let replaced = match self {
             Sources::Embedded => None,
-            #[cfg(feature = "shader-dev")]
-            Sources::Folder(_) => return super::glsl::make(self, recipe),
-            #[cfg(not(feature = "shader-dev"))]
-            Sources::Folder(_) => return Err(ShaderError::NoCompiler),
+            Sources::Folder(_) => return Compiler::find()?.make(self, recipe),
             Sources::Replaced(modules) => modules.iter().find(|(file, _)| *file == recipe.file),
         };
         replaced
             .map(|(_, bytes)| words(bytes))
             .or_else(|| committed::module(&recipe.file).map(|bytes| words(&bytes)))
             .ok_or_else(|| ShaderError::NoModule(recipe.file.clone()))
+    }
+
+    /// Returns a hash of the shaders that differ from those of the program, or `None` if none does.
+    /// Shaders that the program does not have count too, since others may include them.
+    ///
+    /// # Errors
+    /// Returns an error if the folder does not exist, one of its files cannot be read, none of them
+    /// is a shader of this program, or there are too many.
+    pub fn edited(&self) -> Result<Option<String>, ShaderError> {
+        let Sources::Folder(folder) = self else {
+            return Ok(None);
+        };
+        let unreadable = |problem: &str| ShaderError::Unreadable {
+            file: format!("folder {}", folder.display()),
+            problem: problem.to_owned(),
+        };
+        if !folder.is_dir() {
+            return Err(unreadable("no such folder"));
+        }
+        if !TEXTS.iter().any(|(name, _)| folder.join(name).is_file()) {
+            return Err(unreadable(
+                "it contains none of the files of the program's shaders/ folder",
+            ));
+        }
+        let mut found = BTreeSet::new();
+        list(folder, "", &mut found, &mut 0).map_err(|problem| unreadable(&problem))?;
+        let embedded = TEXTS.iter().map(|(name, text)| (*name, Some(*text)));
+        let known: BTreeSet<&str> = TEXTS.iter().map(|(name, _)| *name).collect();
+        let further = found.iter().map(String::as_str);
+        let further = further.filter(|name| !known.contains(name));
+        let (mut hasher, mut any) = (blake3::Hasher::new(), false);
+        for (name, embedded) in embedded.chain(further.map(|name| (name, None))) {
+            let (_, text) = self.text(name)?;
+            if Some(text.as_str()) != embedded {
+                any = true;
+                for part in [name.as_bytes(), &[0], text.as_bytes(), &[0]] {
+                    hasher.update(part);
+                }
+            }
+        }
+        Ok(any.then(|| hasher.finalize().to_hex().to_string()))
+    }
+
+    /// Returns whether there is a shader of this integrator.
+    pub fn has_integrator(&self, name: &str) -> bool {
+        self.text(&format!("transport/integrator/{name}")).is_ok()
+    }
+
+    /// Returns path and text of a shader by its path below the root; a path without an extension is
+    /// that of `PATH.glsl` or `PATH/mod.glsl`.
+    ///
+    /// # Errors
+    /// Returns an error if it does not exist or cannot be read.
+    pub(super) fn text(&self, path: &str) -> Result<(String, String), ShaderError> {
+        let candidates = if Path::new(path).extension().is_some() {
+            vec![path.to_owned()]
+        } else {
+            vec![format!("{path}.glsl"), format!("{path}/mod.glsl")]
+        };
+        for candidate in candidates {
+            if let Some(text) = self.file(&candidate)? {
+                return Ok((candidate, text));
+            }
+        }
+        Err(ShaderError::Missing(path.to_owned()))
+    }
+
+    /// Returns the text of a file of the folder or, if it has none, of the program.
+    fn file(&self, path: &str) -> Result<Option<String>, ShaderError> {
+        if let Sources::Folder(folder) = self
+            && is_shader(path)
+        {
+            let file = folder.join(path);
+            let unreadable = |problem: String| ShaderError::Unreadable {
+                file: file.display().to_string(),
+                problem,
+            };
+            if let Ok(found) = file.metadata() {
+                files::check(&file).map_err(unreadable)?;
+                if !found.is_file() || found.len() > MAX_BYTES {
+                    return Err(unreadable("it is no file of at most 16 MiB".to_owned()));
+                }
+                let text = std::fs::read_to_string(&file);
+                return text.map(Some).map_err(|e| unreadable(e.to_string()));
+            }
+        }
+        let embedded = TEXTS.iter().find(|(name, _)| *name == path);
+        Ok(embedded.map(|(_, text)| (*text).to_owned()))
     }
 }
 
@@ -138,22 +248,41 @@ pub fn words(bytes: &[u8]) -> Vec<u32> {
     words.map(|word| u32::from_le_bytes(*word)).collect()
 }
 
-#[cfg(not(feature = "shader-dev"))]
-impl Sources {
-    /// Returns `None`: shaders cannot be modified.
-    ///
-    /// # Errors
-    /// Returns an error if a folder is selected.
-    pub fn edited(&self) -> Result<Option<String>, ShaderError> {
-        match self {
-            Sources::Folder(_) => Err(ShaderError::NoCompiler),
-            Sources::Embedded | Sources::Replaced(_) => Ok(None),
+/// Returns whether a path is that of a shader below the root of a folder.
+pub(super) fn is_shader(path: &str) -> bool {
+    let path = Path::new(path);
+    let ending = path.extension().and_then(|ending| ending.to_str());
+    let mut parts = path.components();
+    parts.all(|part| matches!(part, Component::Normal(_)))
+        && ending.is_some_and(|ending| ENDINGS.contains(&ending))
+}
+
+/// Adds the paths of the shaders in a folder, each after `prefix`, with slashes between the folders.
+/// `entries` counts what was looked at. The error is the reason why the folder cannot be listed.
+fn list(
+    folder: &Path,
+    prefix: &str,
+    found: &mut BTreeSet<String>,
+    entries: &mut usize,
+) -> Result<(), String> {
+    for entry in std::fs::read_dir(folder).map_err(|e| e.to_string())? {
+        let path = entry.map_err(|e| e.to_string())?.path();
+        *entries += 1;
+        let depth = prefix.matches('/').count();
+        if *entries > MAX_ENTRIES || depth > MAX_DEPTH {
+            return Err(format!(
+                "it has more than {MAX_ENTRIES} files, or folders deeper than {MAX_DEPTH}"
+            ));
+        }
+        let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
+            continue;
+        };
+        let below = format!("{prefix}{name}");
+        if path.is_dir() {
+            list(&path, &format!("{below}/"), found, entries)?;
+        } else if is_shader(&below) {
+            found.insert(below);
         }
     }
-
-    /// Returns whether there is a shader of this integrator.
-    pub fn has_integrator(&self, name: &str) -> bool {
-        let of = |file: &str| file.split('.').next() == Some(name);
-        committed::files().any(of)
-    }
+    Ok(())
 }

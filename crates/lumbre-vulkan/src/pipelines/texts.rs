@@ -1,5 +1,5 @@
-//! Texts of the shaders: file names and contents of the folder `shaders/`. Only the compiler of
-//! shaders and the check for stale modules use them.
+//! Texts of the shaders: file names and contents of the folder `shaders/`. They complete folders of
+//! modified shaders, and the check for stale modules hashes them.
 
 /// Embeds the listed files of `shaders/`.
 macro_rules! embed {
