@@ -79,12 +79,9 @@ pub const ROW: MetricRow = MetricRow {
 /// Relative excess of every firefly, 0 for all other pixels, NaN for pixels that are NaN.
 fn excess(image: &Image, reference: &Image, spec: &MetricSpec) -> Vec<f32> {
     let luminance = |p: &[f32; 3]| luminance(p.map(f64::from));
-    let finite = reference
-        .data
-        .iter()
-        .map(luminance)
-        .filter(|y| y.is_finite());
-    let mean = finite.sum::<f64>() / reference.data.len() as f64;
+    let all = reference.data.iter().map(luminance);
+    let finite: Vec<f64> = all.filter(|y| y.is_finite()).collect();
+    let mean = finite.iter().sum::<f64>() / finite.len().max(1) as f64;
     // Relative to a black reference every lit pixel has an infinite excess.
     let floor = (spec.number("floor") * mean).max(f64::MIN_POSITIVE);
     let pairs = image.data.iter().zip(&reference.data);

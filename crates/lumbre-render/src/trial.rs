@@ -231,7 +231,9 @@ impl Trial {
     /// independent whatever pixels have in common.
     fn pictures(&self, scene: &Arc<CompiledScene>) -> Result<Vec<Vec<f64>>, String> {
         // The seeds of two techniques differ, since their pictures are compared as independent ones.
-        let first = u64::from(blake3::hash(self.row.name.as_bytes()).as_bytes()[0]) * PICTURES;
+        let hash = blake3::hash(self.row.name.as_bytes());
+        let [a, b, c, d] = *hash.as_bytes().first_chunk().unwrap_or(&[0; 4]);
+        let first = u64::from(u32::from_le_bytes([a, b, c, d])) * PICTURES;
         let mut means = vec![Vec::new(); (SIDE / BLOCK).pow(2) as usize * 3];
         for seed in first..first + PICTURES {
             let film = self.film(scene, seed, 0, &[SAMPLES])?;

@@ -101,7 +101,7 @@ impl CameraPaths for Steps {
         let chosen = path.sampler.next_1d().lt(R::splat(connect));
         let connected = lanes & bsdf.has_density() & chosen;
         if connected.any() {
-            let vertex = Vertex {
+            let mut vertex = Vertex {
                 edge,
                 connect,
                 surface: &surface,
@@ -110,6 +110,11 @@ impl CameraPaths for Steps {
                 optical: optical.as_ref(),
             };
             vertex.connect(context, path, connected, sink);
+            // Once more from the lifted points of surfaces with an offset against the terminator.
+            if let Some(lifted) = surface.lifted_once() {
+                vertex.surface = &lifted;
+                vertex.connect(context, path, connected & lifted.lifted_lanes(), sink);
+            }
         }
 
         // 3. Continue in a direction of the BSDF.
@@ -184,7 +189,10 @@ impl<R: Lanes<N>, const N: usize> Vertex<'_, R, N> {
         let lights = context.lights.select_for(position, choice, lanes);
         let mut light = lights.sample_direct_one(context.scene, position, [u, v]);
         light.pdf_w = light.pdf_w * lights.chosen;
-        let lanes = lanes & light.arrives() & self.out.same_side;
+        let mut lanes = lanes & light.arrives() & self.out.same_side;
+        if let Some(offset) = &self.surface.terminator {
+            lanes = lanes & !offset.excludes(&light);
+        }
 
         let mode = TransportMode::Radiance;
         let value = self.bsdf.values::<false>(self.out, light.wi, mode, lanes);
