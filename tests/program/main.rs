@@ -11,5 +11,6 @@ mod cli;
 mod cluster;
 #[path = "../common/mod.rs"]
 mod common;
+mod frozen;
 mod terminal;
 mod worker;
