@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::{MAX_WAIT, scene, session_options, wait_until};
+use super::{scene, session_options, wait_until};
 use crate::backends;
 use crate::experiment::plan::expand;
 use crate::experiment::{Overrides, Plan};
