@@ -58,7 +58,7 @@ fn assert_frozen(name: &str, text: &str) {
     assert!(
         frozen == text,
         "{name} differs from its frozen version, first in line {}: see tests/program/frozen.rs",
-        line.map_or_else(|| frozen.lines().count().min(text.lines().count()), |i| i) + 1
+        line.unwrap_or_else(|| frozen.lines().count().min(text.lines().count())) + 1
     );
 }
 
