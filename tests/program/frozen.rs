@@ -142,7 +142,13 @@ fn verbs_and_figures_show_a_night_as_before() {
         "tables/errors.md",
     ] {
         let name = file.rsplit('/').next().unwrap();
-        assert_frozen(name, &place.read(&format!("out/latest/{file}")));
+        let text = place.read(&format!("out/latest/{file}"));
+        // A figure names the program that drew it.
+        let lines = text.lines().filter(|line| !line.starts_with("<desc>"));
+        assert_frozen(
+            name,
+            &lines.map(|line| format!("{line}\n")).collect::<String>(),
+        );
     }
 }
 
