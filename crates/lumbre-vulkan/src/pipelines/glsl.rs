@@ -4,8 +4,10 @@
 //! and some come from the program. The compiler knows neither, so it reads numbered files in a
 //! temporary folder: their `#include` lines name numbers, and `#line` names the path for messages.
 
+use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use lumbre_render::external;
@@ -24,6 +26,9 @@ const PROGRAMS: [(&str, &[&str]); 3] = [
 /// Time after which a compiler is ended. The largest module takes half a second.
 const TIME_LIMIT: Duration = Duration::from_secs(30);
 
+/// Greatest size of all texts that a module includes, in bytes.
+const MAX_BYTES: usize = 64 << 20;
+
 /// Greatest number of lines of messages that are quoted.
 const MAX_LINES: usize = 20;
 
@@ -34,6 +39,13 @@ const SUMMARIES: [&str; 4] = [
     "error generated.",
     "SPIR-V is not generated",
 ];
+
+/// Modules that this process has made, by the hash of everything that they are made from: runs of a
+/// night and tests need the same ones again.
+static MADE: Mutex<BTreeMap<[u8; 32], Vec<u32>>> = Mutex::new(BTreeMap::new());
+
+/// Number of modules that are kept, of less than 1 MB each.
+const MAX_MADE: usize = 64;
 
 /// Compiler of shaders, an installed program.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -75,12 +87,25 @@ impl Compiler {
         Ok(lines.into_iter().next().unwrap_or_default())
     }
 
-    /// Makes a module: compiles it and removes what drivers do not need.
+    /// Makes a module: compiles it, unless it was made before, and removes what drivers do not need.
     ///
     /// # Errors
     /// Returns an error in the cases of [`Compiler::compile`].
     pub fn make(&self, sources: &Sources, recipe: &Recipe) -> Result<Vec<u32>, ShaderError> {
-        Ok(shrink(&self.compile(sources, recipe)?))
+        let texts = texts(sources, recipe)?;
+        let key = format!("{self:?} {:?} {texts:?}", recipe.defines);
+        let key = *blake3::hash(key.as_bytes()).as_bytes();
+        let made = || MADE.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(module) = made().get(&key) {
+            return Ok(module.clone());
+        }
+        let module = shrink(&self.compile_texts(&texts, &recipe.defines, TIME_LIMIT)?);
+        let mut made = made();
+        if made.len() >= MAX_MADE {
+            made.clear();
+        }
+        made.insert(key, module.clone());
+        Ok(module)
     }
 
     /// Compiles a module with debug names; its stage is given by the extension of its entry (`comp`,
@@ -90,25 +115,27 @@ impl Compiler {
     /// Returns an error if a file is missing, cannot be read or does not compile, or if the compiler
     /// fails.
     pub fn compile(&self, sources: &Sources, recipe: &Recipe) -> Result<Vec<u32>, ShaderError> {
-        self.compile_within(TIME_LIMIT, sources, recipe)
+        self.compile_texts(&texts(sources, recipe)?, &recipe.defines, TIME_LIMIT)
     }
 
-    fn compile_within(
+    /// Compiles the result of [`texts`].
+    fn compile_texts(
         &self,
+        texts: &[(String, String)],
+        defines: &[&str],
         limit: Duration,
-        sources: &Sources,
-        recipe: &Recipe,
     ) -> Result<Vec<u32>, ShaderError> {
+        let name = texts[0].0.as_str();
         let failed = |problem: String| ShaderError::Compiler {
             program: self.program.clone(),
-            entry: recipe.entry.clone(),
+            entry: name.to_owned(),
             problem,
         };
         let unwritten = |e: std::io::Error| failed(format!("its input cannot be written: {e}"));
         let folder = tempfile::tempdir().map_err(unwritten)?;
-        let stage = Path::new(&recipe.entry).extension().unwrap_or_default();
+        let stage = Path::new(name).extension().unwrap_or_default();
         let entry = folder.path().join("0").with_extension(stage);
-        for (i, (path, text)) in texts(sources, recipe)?.iter().enumerate() {
+        for (i, (path, text)) in texts.iter().enumerate() {
             let written = match i {
                 0 => std::fs::write(&entry, text),
                 _ => {
@@ -121,27 +148,30 @@ impl Compiler {
         let module = folder.path().join("module.spv");
         let mut command = vec![OsString::from(&self.program)];
         command.extend(self.arguments.iter().map(OsString::from));
-        let defines = recipe.defines.iter();
-        command.extend(defines.map(|name| format!("-D{name}").into()));
+        command.extend(defines.iter().map(|name| format!("-D{name}").into()));
         let mut include = OsString::from("-I");
         include.push(folder.path());
         command.extend([include, "-o".into()]);
         command.extend([module.clone(), entry.clone()].map(OsString::from));
         let (status, lines) = external::output(&command, limit).map_err(failed)?;
-        let log = problems(&lines, &entry.display().to_string(), &recipe.entry);
+        let log = problems(&lines, &entry.display().to_string(), name);
+        let failed_with = |problem: String| {
+            let separator = if log.is_empty() { "" } else { ": " };
+            failed(format!("{problem}{separator}{log}"))
+        };
         if status.success() {
             let made = std::fs::read(&module).map(|bytes| words(&bytes));
             return match made {
                 Ok(words) if is_whole(&words) => Ok(words),
-                _ => Err(failed(format!("it wrote no module. {log}"))),
+                _ => Err(failed_with("it wrote no module".to_owned())),
             };
         }
         match status.code() {
             Some(_) if !log.is_empty() => Err(ShaderError::Invalid {
-                entry: recipe.entry.clone(),
+                entry: name.to_owned(),
                 log,
             }),
-            _ => Err(failed(format!("it ended with {status}. {log}"))),
+            _ => Err(failed_with(format!("it ended with {status}"))),
         }
     }
 }
@@ -154,7 +184,7 @@ fn texts(sources: &Sources, recipe: &Recipe) -> Result<Vec<(String, String)>, Sh
         None => sources.text(&recipe.entry)?.1,
     };
     let mut texts = vec![(recipe.entry.clone(), entry)];
-    let mut next = 0;
+    let (mut positions, mut bytes, mut next) = (BTreeMap::new(), 0, 0);
     while next < texts.len() {
         let mut numbered = String::new();
         for line in without_comments(&texts[next].1).lines() {
@@ -162,21 +192,31 @@ fn texts(sources: &Sources, recipe: &Recipe) -> Result<Vec<(String, String)>, Sh
                 numbered.extend([line, "\n"]);
                 continue;
             };
-            let mut generated = recipe.generated.iter();
-            let found = match generated.find(|(path, _)| path == name) {
-                Some(found) => Ok(found.clone()),
-                None => sources.text(name),
-            };
-            let named = match found {
-                Ok(found) => {
-                    let known = texts.iter().skip(1).position(|(path, _)| *path == found.0);
-                    let at = known.map_or(texts.len(), |i| i + 1);
-                    texts.extend(known.is_none().then_some(found));
-                    file_name(at)
+            if !positions.contains_key(name) {
+                let mut generated = recipe.generated.iter();
+                let found = match generated.find(|(path, _)| path == name) {
+                    Some(found) => Ok(found.clone()),
+                    None => sources.text(name),
+                };
+                match found {
+                    Ok(found) => {
+                        bytes += found.1.len();
+                        if bytes > MAX_BYTES {
+                            let log = format!("it includes more than {MAX_BYTES} bytes");
+                            let entry = recipe.entry.clone();
+                            return Err(ShaderError::Invalid { entry, log });
+                        }
+                        positions.insert(name.to_owned(), texts.len());
+                        texts.push(found);
+                    }
+                    // The compiler reports it, unless the line is in a part that is left out.
+                    Err(ShaderError::Missing(_)) => {}
+                    Err(error) => return Err(error),
                 }
-                // The compiler reports it, unless the line is in a part that is left out.
-                Err(missing @ ShaderError::Missing(_)) => missing.to_string().replace('"', "'"),
-                Err(error) => return Err(error),
+            }
+            let named = match positions.get(name) {
+                Some(at) => file_name(*at),
+                None => ShaderError::Missing(name.replace('"', "'")).to_string(),
             };
             numbered.push_str(&format!("#include \"{named}\"{rest}\n"));
         }

@@ -41,8 +41,8 @@ pub enum ShaderError {
     NoCompiler,
     /// The compiler failed for a reason that is not the text.
     #[error(
-        "the compiler {} failed at the shader `{entry}`: {problem}; install another one and put it \
-         first on PATH, or leave out `shaders` and unset {FOLDER_VARIABLE}", .program.display()
+        "the compiler {} failed at the shader `{entry}`: {problem}; change the shader, or install \
+         another compiler and put it first on PATH", .program.display()
     )]
     Compiler {
         /// Path of the compiler.
