@@ -161,7 +161,7 @@ fn a_furnace_has_the_radiance_of_its_series() {
         .environment(None, Vec3::splat(2.0), 0.0)
         .build();
     for technique in techniques() {
-        let job = constant_job(&technique, 12, 3, 0.05, 10_000);
+        let job = constant_job(&technique, 12, 3, 0.05, 20_000);
         let films = spread(&ball, &job, 8, 16);
         let (mean, error) = mean_and_error(&column(&films, 0));
         assert!(
