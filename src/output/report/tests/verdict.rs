@@ -44,7 +44,7 @@ fn bars_and_line_breaks_in_names_do_not_break_the_table_of_winners() {
         lines[2].starts_with("| a\\|b box.scn, after "),
         "{markdown}"
     );
-    assert!(lines[2].contains("| **nee\\|2 ("), "{markdown}");
+    assert!(lines[2].contains("**technique = nee\\|2 ("), "{markdown}");
     let columns = |line: &&str| line.matches('|').count() - line.matches("\\|").count();
     let expected = columns(&lines[0]);
     assert!(lines.iter().all(|l| columns(l) == expected), "{markdown}");
