@@ -31,7 +31,7 @@ pub mod table;
 pub mod time;
 
 #[cfg(test)]
-mod fixture;
+pub(crate) mod fixture;
 
 /// Errors of encoding and decoding output files.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

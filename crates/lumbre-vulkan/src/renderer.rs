@@ -8,7 +8,7 @@ use super::context::device::Device;
 use super::context::session;
 use super::error::VulkanError;
 use super::films::device_film::{DeviceFilms, RestoreError, SplatMode};
-use super::layout::{PathStep, WaveParams};
+use super::layout::{PathStep, WaveParams, add_counters};
 use super::memory::light_paths::LightPathBuffers;
 use super::memory::subpaths::{SubpathBuffers, SubpathRoom};
 use super::memory::upload;
@@ -318,9 +318,7 @@ impl VulkanRenderer {
                 seconds / dispatches.len() as f64,
             );
         }
-        let counted = self.films.counted(slot);
-        stats.rays += u64::from(counted.rays[1]) << 32 | u64::from(counted.rays[0]);
-        stats.invalid += u64::from(counted.invalid);
+        add_counters(&self.films.counted(slot), stats);
         let before = self.last.map_or(0.0, |last| span.since(&last));
         *if device_was_idle {
             &mut stats.idle_s

@@ -342,7 +342,7 @@ impl ClusterWorker<'_> {
         stop_signal: &StopSignal,
         night: &NightSummary,
     ) -> Result<Option<Exit>, Failure> {
-        let hash = self.results_hash(night);
+        let hash = results_hash(self.plan, night);
         loop {
             if control.stop_requested() {
                 return Ok(Some(stop_signal.exit()));
@@ -380,28 +380,6 @@ impl ClusterWorker<'_> {
         }
     }
 
-    /// Returns a hash of the ids of all runs and whether each one failed.
-    fn results_hash(&self, night: &NightSummary) -> String {
-        let state = |outcome: &Outcome| {
-            if matches!(outcome, Outcome::Failed(_)) {
-                "failed"
-            } else {
-                "done"
-            }
-        };
-        let lines: BTreeSet<String> = night
-            .results
-            .iter()
-            .map(|CellResult { cell, outcome, .. }| {
-                format!("{cell:?} {} {}", self.plan.id(*cell), state(outcome))
-            })
-            .collect();
-        let lines: Vec<String> = lines.into_iter().collect();
-        blake3::hash(lines.join("\n").as_bytes())
-            .to_hex()
-            .to_string()
-    }
-
     /// Writes and prints the results of the whole night. Returns the exit code and the hash of the
     /// results, or `None` if some runs are not done.
     fn write_results(
@@ -425,7 +403,7 @@ impl ClusterWorker<'_> {
         // The entry is only informative: workers find out from other files that the night is done.
         let _ = self.store.journal(JournalEvent::NightClosed {});
         let exit = results::night_exit(self.plan, &night, Exit::Interrupted);
-        Ok(Some((exit, self.results_hash(&night))))
+        Ok(Some((exit, results_hash(self.plan, &night))))
     }
 
     /// Reads the results of all runs of the plan, and compares references with second techniques.
@@ -477,6 +455,28 @@ impl ClusterWorker<'_> {
     }
 }
 
+/// Returns a hash of the ids of all runs and whether each one failed.
+fn results_hash(plan: &Plan, night: &NightSummary) -> String {
+    let state = |outcome: &Outcome| {
+        if matches!(outcome, Outcome::Failed(_)) {
+            "failed"
+        } else {
+            "done"
+        }
+    };
+    let lines: BTreeSet<String> = night
+        .results
+        .iter()
+        .map(|CellResult { cell, outcome, .. }| {
+            format!("{cell:?} {} {}", plan.id(*cell), state(outcome))
+        })
+        .collect();
+    let lines: Vec<String> = lines.into_iter().collect();
+    blake3::hash(lines.join("\n").as_bytes())
+        .to_hex()
+        .to_string()
+}
+
 /// Sink that records only bias checks of references, while the results of a finished night are
 /// collected.
 struct BiasCheckSink<'a> {
@@ -501,4 +501,35 @@ pub(super) fn local_disk_warning(home: &Path) -> Option<String> {
             display_path(home)
         )
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::fixture::{done, ended, numbers, plan};
+
+    #[test]
+    fn the_hash_of_results_tells_failed_runs_from_finished_ones() {
+        let plan = plan(&[("depth", numbers(&[2.0, 5.0]))], 1);
+        let hash = |results: [CellResult; 2]| {
+            let night = NightSummary {
+                results: results.into(),
+                ..NightSummary::default()
+            };
+            results_hash(&plan, &night)
+        };
+        let finished = |cell| done(cell, &[(1.0, 0.5)]);
+        let failed = |cell| ended(cell, Outcome::Failed("no memory".to_owned()));
+        let cached = |cell| ended(cell, Outcome::Cached("runs/0".into()));
+        let different = [
+            hash([finished(0), finished(1)]),
+            hash([failed(0), finished(1)]),
+            hash([finished(0), failed(1)]),
+            hash([failed(0), failed(1)]),
+        ];
+        assert_eq!(different.iter().collect::<BTreeSet<_>>().len(), 4);
+        // Workers agree whoever rendered a run, and in whatever order they found the results.
+        assert_eq!(hash([finished(1), finished(0)]), different[0]);
+        assert_eq!(hash([cached(0), finished(1)]), different[0]);
+    }
 }

@@ -196,3 +196,98 @@ fn as_json(
         "reference": { "technique": reference, "bias": bias_of(reference) }, "clock": clock,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+    use crate::experiment::night_results::RunState;
+
+    /// Returns a finished run from the render times and errors of its waves, which took ten times
+    /// as long on the wall clock. `floor` is the noise of its reference.
+    fn run(technique: &str, waves: &[(f64, f64)], floor: Option<f64>) -> RunResult {
+        let row = |(render_s, error): &(f64, f64)| WaveRow {
+            render_s: *render_s,
+            wall_s: 10.0 * render_s,
+            metrics: vec![0.5, *error],
+            ..WaveRow::default()
+        };
+        RunResult {
+            id: String::new(),
+            path: String::new(),
+            folder: PathBuf::new(),
+            point: Vec::new(),
+            repeat: 0,
+            seed: 1,
+            integrator: technique.to_owned(),
+            denoise: None,
+            scene: "box".to_owned(),
+            max_depth: None,
+            resolution: None,
+            device: None,
+            lanes: None,
+            peer: None,
+            lost_share: None,
+            state: RunState::Done("1 s".to_owned()),
+            rows: waves.iter().map(row).collect(),
+            reference: None,
+            pictures: Vec::new(),
+            films: Vec::new(),
+            accel: None,
+            accel_size: None,
+            floors: floor
+                .map(|floor| (METRIC.to_owned(), floor))
+                .into_iter()
+                .collect(),
+        }
+    }
+
+    #[test]
+    fn an_efficiency_is_the_inverse_of_net_error_times_render_time() {
+        let unfinished = RunResult {
+            state: RunState::Unfinished,
+            ..run("nee", &[(0.25, 0.9)], None)
+        };
+        let metric = |name: &str| MetricSpec::new(name, name, BTreeMap::new()).unwrap();
+        let night = NightResults {
+            folder: PathBuf::new(),
+            name: "compared".to_owned(),
+            plan: String::new(),
+            seed: 1,
+            axes: Vec::new(),
+            metrics: vec![metric("ssim"), metric(METRIC)],
+            report: Default::default(),
+            order: "interleave".to_owned(),
+            machine: None,
+            runs: vec![
+                run("bpt", &[(1.0, 0.04), (2.0, 0.02)], None),
+                run("bpt", &[(1.0, 0.04), (2.0, 0.02)], Some(0.004)),
+                // The noise of the reference is all of its error.
+                run("bpt", &[(2.0, 0.02)], Some(0.02)),
+                // Its error after 2 s, when the first run ended, is 0.005.
+                run("nee", &[(1.0, 0.01), (4.0, 0.0025)], None),
+                unfinished,
+            ],
+            references: Vec::new(),
+            notes: Vec::new(),
+        };
+        let names = ["nee", "bpt"].map(str::to_owned);
+        let found = efficiencies(&night, &names);
+        let expected = [
+            ("nee", vec![1.0 / (0.005 * 2.0)]),
+            ("bpt", vec![1.0 / (0.02 * 2.0), 1.0 / (0.016 * 2.0)]),
+        ];
+        assert_eq!(found.len(), 2);
+        for (found, (name, efficiencies)) in found.iter().zip(expected) {
+            assert_eq!(found.name, name);
+            assert_eq!(found.efficiencies.len(), efficiencies.len(), "{found:?}");
+            for (a, b) in found.efficiencies.iter().zip(&efficiencies) {
+                assert!(
+                    (a / b - 1.0).abs() < 1e-12,
+                    "{found:?}, not {efficiencies:?}"
+                );
+            }
+        }
+    }
+}

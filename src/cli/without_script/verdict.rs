@@ -100,6 +100,35 @@ mod tests {
     }
 
     #[test]
+    fn p_values_are_corrected_for_the_number_of_verdicts() {
+        // Logarithms with means `-t * error` and the standard error `error` of differences, so that
+        // Welch's t is `t` with 4 degrees of freedom.
+        let error = (2.0f64 / 3.0).sqrt();
+        let arm = |name: &str, t: f64| {
+            let values = [-1.0, 0.0, 1.0].map(|x| f64::exp(x - t * error));
+            results(name, &values)
+        };
+        // Student's t distribution in closed form for 4 degrees of freedom.
+        let p = |t: f64| 1.0 - t * (t * t + 6.0) / (t * t + 4.0).powf(1.5);
+        for t in [[2.0, 4.0, 6.0], [5.0, 0.25, 3.0]] {
+            for others in 1..=3 {
+                let worse = (0..others).map(|i| arm(["b", "c", "d"][i], t[i]));
+                let all: Vec<_> = std::iter::once(arm("a", 0.0)).chain(worse).collect();
+                let found = verdicts(&all);
+                assert_eq!(found.len(), others);
+                for (verdict, t) in found.iter().zip(t) {
+                    let expected = (others as f64 * p(t)).min(1.0);
+                    assert!(
+                        (verdict.p - expected).abs() < 1e-9,
+                        "{others} verdicts, t = {t}: p = {}, not {expected}",
+                        verdict.p
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
     fn a_single_repeat_has_no_interval_and_no_significance() {
         let found = verdicts(&[results("a", &[1.0]), results("b", &[8.0])]);
         assert!((found[0].ratio - 8.0).abs() < 1e-9);

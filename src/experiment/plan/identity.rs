@@ -433,6 +433,58 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
+    use lumbre_light::transport::camera::{FilterKind, FilterSpec};
+    use lumbre_light::transport::integrator::INTEGRATORS;
+    use lumbre_light::transport::path_time::Timing;
+    use lumbre_light::transport::sampler::INDEPENDENT;
+
+    #[test]
+    fn the_revisions_of_technique_sampler_and_delays_are_in_the_identity() {
+        let bins = serde_json::json!({ "time": { "start": 0, "bin": 0.5, "bins": 8 } });
+        let bins = Value::from_json(&bins);
+        let config = CellConfig {
+            scene: "box".to_owned(),
+            scene_file: "box.scn".into(),
+            scene_options: BTreeMap::new(),
+            integrator: INTEGRATORS[0].name.to_owned(),
+            params: BTreeMap::new(),
+            max_depth: Some(5),
+            resolution: Some([8, 4]),
+            rr_start: None,
+            filter: FilterSpec {
+                kind: FilterKind::Box,
+                radius: 0.5,
+            },
+            films: Vec::new(),
+            timing: Timing::from_film(bins.as_map().unwrap(), "film").unwrap(),
+            denoise: None,
+            accel: AccelSpec::default(),
+            shaders: Default::default(),
+            sampler: INDEPENDENT.name.to_owned(),
+            set: BTreeMap::new(),
+            backend: "cpu".to_owned(),
+            fallback: None,
+        };
+        let row = IntegratorRow {
+            revision: 71,
+            ..INTEGRATORS[0]
+        };
+        let sampler = SamplerRow {
+            revision: 72,
+            ..*INDEPENDENT
+        };
+        let fields = picture(&config, &row, &sampler, &[0; 32]);
+        let revision = |key: &str| fields[key].as_map().unwrap()["revision"].as_i64();
+        assert_eq!(revision("integrator"), Some(71));
+        assert_eq!(revision("sampler"), Some(72));
+        assert_eq!(fields["delays"].as_i64(), Some(delay::REVISION.into()));
+        let untimed = CellConfig {
+            timing: None,
+            ..config
+        };
+        let fields = picture(&untimed, &row, &sampler, &[0; 32]);
+        assert!(!fields.contains_key("delays"), "only path times have any");
+    }
 
     #[test]
     fn no_two_repeats_share_a_seed_and_no_reference_shares_one_with_a_cell() {

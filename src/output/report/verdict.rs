@@ -95,7 +95,8 @@ impl Verdict {
             return None;
         }
         let mut header = vec![String::new()];
-        header.extend(self.columns.iter().map(|c| c.heading.clone()));
+        let heading = |c: &Column| visible(&c.heading.replace('|', "\\|")).into_owned();
+        header.extend(self.columns.iter().map(heading));
         let row = |facet: usize| {
             let mut fields = vec![self.rows[facet].clone()];
             let winner = |column: &Column| match &column.winners[facet] {
@@ -106,6 +107,7 @@ impl Verdict {
             fields.extend(self.columns.iter().map(winner));
             fields
                 .iter()
+                .map(|field| field.replace(['\n', '\r'], " "))
                 .map(|field| visible(&field.replace('|', "\\|")).into_owned())
                 .collect()
         };

@@ -62,3 +62,34 @@ impl Table {
         format!("<td class=\"n\">{text}</td>")
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use crate::output::provenance::Provenance;
+    use crate::output::table::{Digits, Table, TableCell};
+
+    #[test]
+    fn names_are_escaped_wherever_a_table_has_them() {
+        let name = |place: &str| format!("<{place}> & co");
+        let table = Table {
+            name: String::new(),
+            section: String::new(),
+            title: String::new(),
+            caption: String::new(),
+            unit: String::new(),
+            label_headers: vec![name("label header")],
+            groups: vec![(name("group"), 1)],
+            columns: vec![name("column")],
+            rows: vec![(vec![name("label")], vec![TableCell::default()])],
+            digits: Digits::Significant(3),
+            provenance: Provenance::default(),
+        };
+        let html = table.to_html(&BTreeMap::new());
+        for place in ["label header", "group", "column", "label"] {
+            let escaped = format!(">&lt;{place}&gt; &amp; co</t");
+            assert!(html.contains(&escaped), "{place}: {html}");
+        }
+    }
+}

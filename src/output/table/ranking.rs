@@ -167,6 +167,52 @@ mod tests {
         );
     }
 
+    /// Returns times whose Welch test against `times_with_p(1.0)` has this p-value. Their logarithms
+    /// are -1, 0 and 1 plus a mean, so the test has 4 degrees of freedom.
+    fn times_with_p(p: f64) -> Vec<RunValue> {
+        // Student's t distribution in closed form for 4 degrees of freedom, inverted by bisection.
+        let p_of = |t: f64| 1.0 - t * (t * t + 6.0) / (t * t + 4.0).powf(1.5);
+        let (mut low, mut high) = (0.0, 100.0);
+        for _ in 0..100 {
+            let middle = 0.5 * (low + high);
+            if p_of(middle) > p {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        let mean = low * (2.0f64 / 3.0).sqrt();
+        exact(&[-1.0, 0.0, 1.0].map(|x| f64::exp(x + mean)))
+    }
+
+    #[test]
+    fn the_tests_of_the_best_are_corrected_by_holm() {
+        // The i-th smallest of n p-values must be at most 0.05 / (n - i), counted from 0.
+        for (p, is_best) in [
+            (&[0.049][..], true),
+            (&[0.051], false),
+            (&[0.049, 0.024], true),
+            (&[0.049, 0.026], false),
+            (&[0.051, 0.001], false),
+            // Bonferroni's correction would compare all three with 0.0167.
+            (&[0.049, 0.016, 0.024], true),
+            (&[0.016, 0.024, 0.049], true),
+            (&[0.024, 0.049, 0.001], true),
+            (&[0.016, 0.016, 0.016], true),
+            (&[0.049, 0.017, 0.024], false),
+            (&[0.026, 0.001, 0.026], false),
+        ] {
+            let best = std::iter::once(times_with_p(1.0));
+            let samples: Vec<_> = best.chain(p.iter().map(|p| times_with_p(*p))).collect();
+            let expected = is_best.then_some(0);
+            assert_eq!(
+                significant_best(&samples, Ranking::ShorterTime),
+                expected,
+                "{p:?}"
+            );
+        }
+    }
+
     #[test]
     fn the_best_must_differ_significantly_from_every_other() {
         let clear = [

@@ -294,7 +294,13 @@ mod tests {
         let wave = WaveStats {
             samples: samples - 2,
             render_s: 1.0 / 3.0,
-            ..WaveStats::default()
+            lost_s: 0.2,
+            device_s: 0.3,
+            idle_s: 0.0,
+            paths: 70,
+            rays: 90,
+            invalid: 3,
+            first_invalid: Some([1, 2, 8]),
         };
         RunProgress {
             rows: vec![row(1), row(2)],

@@ -7,11 +7,12 @@ use lumbre::experiment::aa_check::{Finding, check};
 use lumbre::experiment::outcome::Level;
 use lumbre::experiment::plan::identity::{cell_seed, warmup_seed};
 use lumbre::experiment::run::{Open, Options, Seams, run_with};
-use lumbre::experiment::spec::{Order, Warmup};
+use lumbre::experiment::spec::{CellConfig, Order, Warmup};
 use lumbre::experiment::{
     CellRef, Event, NightControls, NightSummary, Outcome, Plan, Sink, SinkError, StopRule,
 };
 use lumbre_light::film::Film;
+use lumbre_light::transport::camera::FilterKind;
 use lumbre_render::mock::MockRenderer;
 use lumbre_render::{Job, OpenStats, RenderError, Renderer, WaveStats};
 
@@ -192,6 +193,42 @@ fn techniques_of_one_picture_form_one_interleave_group() {
 }
 
 #[test]
+fn only_techniques_differ_within_an_interleave_group() {
+    type Change = fn(&mut CellConfig);
+    let techniques: &[(&str, Change)] = &[
+        ("integrator", |c| c.integrator = "nee".into()),
+        ("roulette", |c| c.rr_start = Some(3)),
+        ("sampler", |c| c.sampler = "sobol".into()),
+    ];
+    let pictures: &[(&str, Change)] = &[
+        ("scene", |c| c.scene_file = "scenes/other_box.scn".into()),
+        ("resolution", |c| c.resolution = Some([4, 8])),
+        ("depth", |c| c.max_depth = Some(6)),
+        ("filter", |c| c.filter.kind = FilterKind::Gauss),
+        ("filter radius", |c| c.filter.radius = 0.75),
+        ("backend", |c| c.backend = "cpu".into()),
+    ];
+    let groups = |change: Change| {
+        let mut lab = Lab::new().axis("changed", ints([0, 1]));
+        lab.spec.night.order = Order::Interleave;
+        lab.render = Box::new(move |p| {
+            let mut config = config();
+            if whole_at(p, "changed") == 1 {
+                change(&mut config);
+            }
+            Ok(config)
+        });
+        lab.plan().interleave_groups(false)
+    };
+    for (name, change) in techniques {
+        assert_eq!(groups(*change), [vec![0, 1]], "{name}");
+    }
+    for (name, change) in pictures {
+        assert_eq!(groups(*change), [[0], [1]], "{name}");
+    }
+}
+
+#[test]
 fn the_lookahead_covers_only_samples_that_are_requested_next() {
     let lookaheads = |order: Order| {
         let (.., machine) = night(&lab(order), 0.0);
@@ -305,7 +342,7 @@ fn a_failure_affects_one_run_of_a_group_and_a_skip_affects_its_first_run() {
     let mut lab = lab(Order::Interleave);
     let render = std::mem::replace(&mut lab.render, Box::new(|_| Ok(config())));
     lab.render = Box::new(move |p| {
-        render(p).map(|c| lumbre::experiment::CellConfig {
+        render(p).map(|c| CellConfig {
             rr_start: Some(7),
             ..c
         })

@@ -229,6 +229,17 @@ fn another_backend_takes_over_only_if_the_script_leaves_the_choice_open() {
     assert!(
         warnings(&recorder).contains("rendering by `spare` instead, since the backend is `auto`")
     );
+    // The checkpoint after 3 samples has the render time of the other backend.
+    let mut checkpointed = lab(Some("spare"));
+    checkpointed.spec.night.checkpoint_s = Some(1e-9);
+    let (restarted, recorder) = run_night(&checkpointed, &open);
+    assert!(matches!(restarted.results[0].outcome, Outcome::Done(_)));
+    let resumed = recorder.messages(Level::Info).join("\n");
+    assert!(!resumed.contains("resumes from"), "{resumed}");
+    // The spare backend has its own number of retries.
+    let (unlucky, recorder) = night(&lab(Some("spare")), &[0, 0, 0, 0, 1, 1, 1]);
+    assert!(matches!(unlucky.results[0].outcome, Outcome::Done(_)));
+    assert_eq!(warnings(&recorder).matches("(retry 3 of 3)").count(), 2);
     // The run starts from its first sample, since render times of two backends cannot be added.
     assert_eq!(
         loose.results[0]

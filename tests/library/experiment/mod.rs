@@ -6,6 +6,8 @@
     reason = "the helpers of a test may panic like the test itself"
 )]
 
+mod aa_check;
+mod checkpoints;
 mod errors;
 mod fairness;
 mod fixtures;

@@ -240,6 +240,26 @@ fn cells_of_other_processes_are_postponed_and_awaited() {
     );
 }
 
+#[test]
+fn a_forecast_counts_a_run_of_several_cells_once_and_not_after_it_is_finished() {
+    let lab = Lab::new().axis("label", ["a", "b", "c"]);
+    assert!(lab.plan().cells.iter().all(|cell| cell.first == 0));
+    let runs = |done: &[usize]| {
+        let options = Options {
+            done: done.iter().copied().map(CellRef::Cell).collect(),
+            ..Options::from(1)
+        };
+        let (_, recorder) = run_night(&lab, &Store::default(), options, u32::MAX);
+        let forecast = recorder.events.iter().find_map(|event| match event {
+            Event::Forecast(forecast) => Some(forecast.known + forecast.unknown),
+            _ => None,
+        });
+        forecast.unwrap()
+    };
+    assert_eq!(runs(&[]), 1);
+    assert_eq!(runs(&[0]), 0);
+}
+
 fn broken_at_depth_2() -> Lab {
     let mut lab = depths([1, 2, 3]);
     lab.render = Box::new(|p| {

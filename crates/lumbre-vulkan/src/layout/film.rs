@@ -1,5 +1,7 @@
 //! Structs that shaders write, and the parameters of a dispatch.
 
+use lumbre_render::WaveStats;
+
 super::gpu_structs! {
     /// Sums of a pixel's own samples. Each sum is `sum + rest`, where `rest` collects rounding
     /// errors.
@@ -121,9 +123,32 @@ impl WaveParams {
     }
 }
 
+/// Adds the counters of a submission to the statistics of its wave.
+pub fn add_counters(counted: &Counters, stats: &mut WaveStats) {
+    stats.rays += u64::from(counted.rays[1]) << 32 | u64::from(counted.rays[0]);
+    stats.invalid += u64::from(counted.invalid);
+}
+
 #[cfg(test)]
 mod tests {
-    use super::WaveParams;
+    use lumbre_render::WaveStats;
+
+    use super::{Counters, WaveParams, add_counters};
+
+    #[test]
+    fn counts_of_rays_have_64_bits() {
+        let mut stats = WaveStats {
+            rays: 5,
+            invalid: 1,
+            ..WaveStats::default()
+        };
+        let counted = Counters {
+            rays: [7, 3],
+            invalid: 2,
+        };
+        add_counters(&counted, &mut stats);
+        assert_eq!((stats.rays, stats.invalid), ((3 << 32) + 12, 3));
+    }
 
     #[test]
     fn parts_of_a_dispatch_have_its_samples_in_order() {

@@ -14,7 +14,9 @@ mod subpaths;
 
 use lumbre_render::path_trace::MAX_PATH_EVENTS;
 
-pub use film::{Counters, Invalid, PathStep, SampleSums, SampleValue, SlotSums, WaveParams};
+pub use film::{
+    Counters, Invalid, PathStep, SampleSums, SampleValue, SlotSums, WaveParams, add_counters,
+};
 pub use job::{EnvironmentRow, JobParams, LightChoice};
 pub use scene::{
     DelayProfile, DirectionalLight, Emitter, InstanceTransform, Knot, Material, MaterialPart,

@@ -26,6 +26,31 @@ fn the_page_begins_with_the_winners() {
 }
 
 #[test]
+fn bars_and_line_breaks_in_names_do_not_break_the_table_of_winners() {
+    let named = |device: &str, speed: f64| {
+        let mut named = night(device, speed);
+        for run in &mut named.runs {
+            run.point[0].1 = Value::Str(format!("a|b\n{}", run.scene));
+            run.point[1].1 = Value::Str(format!("{}|2", run.integrator));
+        }
+        named
+    };
+    let nights = [named("GPU|1", 1.0), named("Another GPU", 0.5)];
+    let markdown = text(&report(&nights, &ReportOptions::default()), "verdict", "md");
+    let lines: Vec<&str> = markdown.lines().filter(|l| l.starts_with('|')).collect();
+    assert_eq!(lines.len(), 2 + 2, "a row for each scene: {markdown}");
+    assert!(lines[0].contains("RMSE (GPU\\|1)"), "{markdown}");
+    assert!(
+        lines[2].starts_with("| a\\|b box.scn, after "),
+        "{markdown}"
+    );
+    assert!(lines[2].contains("**technique = nee\\|2 ("), "{markdown}");
+    let columns = |line: &&str| line.matches('|').count() - line.matches("\\|").count();
+    let expected = columns(&lines[0]);
+    assert!(lines.iter().all(|l| columns(l) == expected), "{markdown}");
+}
+
+#[test]
 fn equal_techniques_have_no_winner() {
     let mut same = night("Sample GPU", 1.0);
     let (of_bpt, of_nee): (Vec<_>, Vec<_>) = same

@@ -1,0 +1,189 @@
+//! Checkpoints: the clock of a run that resumes in the middle of a wave, and when they are written.
+
+use std::cell::RefCell;
+use std::io::{self, Write};
+use std::sync::Arc;
+use std::time::Duration;
+
+use lumbre::experiment::event::{FinishedRun, History, SaveState};
+use lumbre::experiment::run::{Open, Options, Seams, run_with};
+use lumbre::experiment::run_progress::{Checkpoint, RunProgress};
+use lumbre::experiment::shards::WorkUnit;
+use lumbre::experiment::{
+    CellRef, NightControls, NightSummary, Outcome, Plan, SinkError, StopRule, WaveRow,
+};
+use lumbre_light::film::{Film, Image};
+use lumbre_render::mock::{MockRenderer, SECONDS_PER_PATH};
+use lumbre_render::{OpenStats, RenderError, Renderer, WaveStats};
+
+use crate::experiment::fixtures::Lab;
+
+/// Render time of a sample of [`Lab::new`] in seconds: that of 8x4 paths.
+const SAMPLE_S: f64 = 32.0 * SECONDS_PER_PATH;
+
+/// The checkpoints of one run, in the order in which they were written.
+#[derive(Default)]
+struct Checkpoints {
+    written: RefCell<Vec<Checkpoint>>,
+    /// Time that writing one takes.
+    delay: Duration,
+}
+
+impl Checkpoints {
+    /// Returns the render time of each checkpoint in seconds.
+    fn clocks(&self) -> Vec<f64> {
+        let written = self.written.borrow();
+        written.iter().map(|c| c.progress.render_s()).collect()
+    }
+}
+
+impl History for Checkpoints {
+    fn finished_run(&self, _: &Plan, _: CellRef) -> Option<FinishedRun> {
+        None
+    }
+
+    fn image(&self, _: &Plan, _: usize) -> Result<Option<Image>, SinkError> {
+        Ok(None)
+    }
+
+    fn checkpoint(&self, _: &Plan, _: WorkUnit) -> Option<Checkpoint> {
+        self.written.borrow().last().cloned()
+    }
+
+    fn save_checkpoint(
+        &self,
+        _: &Plan,
+        _: WorkUnit,
+        progress: &RunProgress,
+        save: SaveState<'_>,
+    ) -> Result<bool, SinkError> {
+        std::thread::sleep(self.delay);
+        let mut state = Vec::new();
+        let saved = save(&mut state).map_err(|e: io::Error| SinkError(e.to_string()))?;
+        self.written.borrow_mut().push(Checkpoint {
+            progress: progress.clone(),
+            state,
+        });
+        Ok(saved)
+    }
+}
+
+/// A mock renderer of which each sample takes `sample_s` seconds of render time.
+struct SlowRenderer {
+    mock: MockRenderer,
+    sample_s: f64,
+}
+
+impl Renderer for SlowRenderer {
+    fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
+        Ok(WaveStats {
+            render_s: self.sample_s * samples as f64,
+            ..self.mock.advance(samples)?
+        })
+    }
+
+    fn film(&self) -> &Film {
+        self.mock.film()
+    }
+
+    fn save(&self, to: &mut dyn Write) -> io::Result<bool> {
+        self.mock.save(to)
+    }
+
+    fn open_stats(&self) -> &OpenStats {
+        self.mock.open_stats()
+    }
+}
+
+fn night(lab: &Lab, history: &Checkpoints, open: Open<'_>) -> NightSummary {
+    let seams = Seams { open, wait: &|| {} };
+    let control = NightControls::default();
+    let plan = Arc::new(lab.plan());
+    run_with(
+        &seams,
+        &plan,
+        lab,
+        history,
+        &mut [],
+        &control,
+        Options::from(1),
+    )
+    .unwrap()
+}
+
+#[test]
+fn a_run_that_ends_in_mid_wave_resumes_with_the_clock_of_its_checkpoint() {
+    let mut lab = Lab::new();
+    // Slices of two samples, and a checkpoint after every second slice.
+    lab.spec.night.checkpoint_s = Some(2.5 * SAMPLE_S);
+    let mut resumed_mid_wave = 0;
+    for limit in 0..16 {
+        let history = Checkpoints::default();
+        let failed = night(&lab, &history, &|_, scene, job| {
+            Ok(Box::new(MockRenderer::new(scene, job).failing_after(limit)))
+        });
+        assert!(matches!(failed.results[0].outcome, Outcome::Failed(_)));
+        if let Some(last) = history.written.borrow().last() {
+            let (samples, clock) = (last.progress.samples(), last.progress.render_s());
+            assert!((clock / (samples as f64 * SAMPLE_S) - 1.0).abs() < 1e-9);
+            resumed_mid_wave += u32::from(last.progress.samples_left > 0);
+        }
+        let whole = night(&lab, &history, &|_, scene, job| {
+            Ok(Box::new(MockRenderer::new(scene, job)))
+        });
+        let rows: &[WaveRow] = &whole.results[0].rows;
+        let samples: Vec<u64> = rows.iter().map(|row| row.samples).collect();
+        assert_eq!(samples, [1, 3, 7, 15, 16], "failed after {limit}");
+        for row in rows {
+            let expected = row.samples as f64 * SAMPLE_S;
+            assert!(
+                (row.render_s / expected - 1.0).abs() < 1e-9,
+                "failed after {limit}: {} s for {} samples, not {expected} s",
+                row.render_s,
+                row.samples
+            );
+            assert_eq!(row.paths, 32 * row.samples, "failed after {limit}");
+        }
+    }
+    assert!(resumed_mid_wave > 3, "{resumed_mid_wave}");
+}
+
+/// Renders a run without interruption and returns the render times of its checkpoints in seconds.
+fn checkpoint_clocks(
+    interval_s: Option<f64>,
+    sample_s: f64,
+    samples: u64,
+    delay: Duration,
+) -> Vec<f64> {
+    let mut lab = Lab::new();
+    lab.spec.night.checkpoint_s = interval_s;
+    lab.stop = Box::new(move |_| Ok(StopRule::Samples(samples)));
+    let history = Checkpoints {
+        delay,
+        ..Checkpoints::default()
+    };
+    let night = night(&lab, &history, &|_, scene, job| {
+        Ok(Box::new(SlowRenderer {
+            mock: MockRenderer::new(scene, job),
+            sample_s,
+        }))
+    });
+    assert!(matches!(night.results[0].outcome, Outcome::Done(_)));
+    history.clocks()
+}
+
+/// The run takes minutes of render time, but only milliseconds of wall-clock time.
+#[test]
+fn the_interval_of_checkpoints_is_one_of_render_time() {
+    let clocks = |interval_s| checkpoint_clocks(interval_s, 25.0, 12, Duration::ZERO);
+    assert_eq!(clocks(Some(60.0)), [75.0, 150.0, 225.0, 300.0]);
+    assert_eq!(clocks(Some(100.0)), [100.0, 200.0, 300.0]);
+}
+
+/// Writing takes at least the delay, on any machine. A hundred times as much is 61 s, longer than the
+/// second sample takes.
+#[test]
+fn writing_checkpoints_takes_at_most_a_hundredth_of_the_render_time_by_default() {
+    let delay = Duration::from_millis(610);
+    assert_eq!(checkpoint_clocks(None, 60.5, 2, delay), [60.5]);
+}
