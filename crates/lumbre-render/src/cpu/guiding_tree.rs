@@ -123,3 +123,62 @@ impl GuidingTree {
         Some(cells.map(|(row, column)| cell(row, column)).collect())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use lumbre_light::transport::integrator::guided::direction_tree::point_of;
+    use lumbre_light::transport::integrator::guided::sd_tree::Limits;
+
+    use super::*;
+
+    /// Returns a tree of one region, trained by light from a direction.
+    fn trained(dir: Vec3) -> GuidingTree {
+        let mut tree = SdTree::new([Vec3::ZERO, Vec3::ONE]);
+        let limits = Limits {
+            vertices: f64::MAX,
+            bytes: u64::MAX,
+        };
+        for _ in 0..6 {
+            let filled = |tree: &SdTree| {
+                let mut sums = tree.sums();
+                for _ in 0..50 {
+                    tree.add(0, &mut sums[0], point_of(dir), 1.0);
+                }
+                sums
+            };
+            tree = tree.refined(&filled(&tree), &limits);
+            let sums = filled(&tree);
+            tree.set_densities(&sums, |sum, _| sum);
+        }
+        GuidingTree {
+            tree: Arc::new(tree),
+            rays: 0,
+            resolution: [1; 2],
+            regions: vec![Some(0)],
+        }
+    }
+
+    #[test]
+    fn rows_of_the_density_are_cosines_from_1_to_minus_1_and_columns_azimuths() {
+        for (cos, azimuth) in [(0.9f32, 1.0f32), (-0.9, 4.0), (0.2, 5.5)] {
+            let sin = (1.0 - cos * cos).sqrt();
+            let dir = Vec3::new(sin * azimuth.cos(), sin * azimuth.sin(), cos);
+            let density = trained(dir).density(0).unwrap();
+            let most = density.iter().copied().fold(0.0, f64::max);
+            let at = density.iter().position(|d| *d == most).unwrap();
+            // Of the cell with the greatest density, in the middle.
+            let (row, column) = (at / COLUMNS, at % COLUMNS);
+            let found = 1.0 - 2.0 * (row as f32 + 0.5) / ROWS as f32;
+            assert!(
+                (found - cos).abs() < 0.1,
+                "row {row} is for {found}, expected {cos}"
+            );
+            let turn = std::f32::consts::TAU * (column as f32 + 0.5) / COLUMNS as f32;
+            assert!(
+                (turn - azimuth).abs() < 0.3,
+                "column {column} is for {turn}, not {azimuth}"
+            );
+        }
+    }
+}

@@ -588,4 +588,18 @@ mod tests {
             [("scene".to_owned(), "/scenes/a.pbrt".into())]
         );
     }
+
+    #[test]
+    fn every_option_that_may_change_a_picture_is_part_of_the_identity() {
+        let base = params(&[("command", "p {scene} {spp} {seed} {out}".into())]);
+        for field in EXTERNAL.fields {
+            // A limit changes no picture.
+            if field.key == "timeout" {
+                continue;
+            }
+            let mut changed = base.clone();
+            changed.insert(field.key.to_owned(), "other".into());
+            assert_ne!(identity(&changed), identity(&base), "{}", field.key);
+        }
+    }
 }
