@@ -159,42 +159,42 @@ fn the_gamma_of_a_mitsuba_bitmap_decodes_bytes_alone() {
     }
 }
 
-/// KHR_materials_transmission: the transmitted share is the factor times the red channel.
+/// KHR_materials_transmission: the transmitted share is the factor times the red channel. Solid
+/// glass has it as what its opacity leaves, a thin wall as the weight of a pane.
 #[test]
 fn the_transmission_of_gltf_is_the_factor_times_the_texture() {
-    let text = r#"{ "asset": { "version": "2.0" }, "scene": 0, "scenes": [ { "nodes": [0] } ],
-"nodes": [ { "mesh": 0 } ],
-"meshes": [ { "primitives": [ { "attributes": { "POSITION": 0, "TEXCOORD_0": 1 }, "material": 0 } ] } ],
-"materials": [ { "name": "pane", "extensions": { "KHR_materials_transmission": {
-  "transmissionFactor": 0.5, "transmissionTexture": { "index": 0 } } } } ],
-"textures": [ { "source": 0 } ], "images": [ { "uri": "t.png" } ],
-"accessors": [ { "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3" },
-  { "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC2" } ],
-"bufferViews": [ { "buffer": 0, "byteOffset": 0, "byteLength": 36 } ],
-"buffers": [ { "uri": "b.bin", "byteLength": 36 } ] }"#;
-    let corners = [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
-    let desc = read(&[
-        ("a.gltf", text.as_bytes()),
-        ("b.bin", &corners.map(f32::to_le_bytes).concat()),
-        (
-            "t.png",
-            &picture(
-                "t.png",
-                &[[1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [0.6, 1.0, 0.0]],
-            ),
-        ),
-    ]);
-    let used = desc
-        .materials
-        .iter()
-        .find(|m| m.texture(TextureSlot::Opacity).is_some())
-        .unwrap();
-    let opacity: Vec<f32> = floats(used, TextureSlot::Opacity)
-        .iter()
-        .map(|t| t.x)
-        .collect();
-    for (found, expected) in opacity.iter().zip([0.5, 1.0, 0.7]) {
-        assert!((found - expected).abs() < 1e-6, "{opacity:?}");
+    let volume = r#", "KHR_materials_volume": { "thicknessFactor": 1 }"#;
+    for (extension, slot, expected) in [
+        (volume, TextureSlot::Opacity, [0.5, 1.0, 0.7]),
+        ("", TextureSlot::Weights, [0.5, 0.0, 0.3]),
+    ] {
+        let text = format!(
+            r#"{{ "asset": {{ "version": "2.0" }}, "scene": 0, "scenes": [ {{ "nodes": [0] }} ],
+"nodes": [ {{ "mesh": 0 }} ], "meshes": [ {{ "primitives": [
+  {{ "attributes": {{ "POSITION": 0, "TEXCOORD_0": 1 }}, "material": 0 }} ] }} ],
+"materials": [ {{ "name": "pane", "pbrMetallicRoughness": {{ "metallicFactor": 0 }},
+  "extensions": {{ "KHR_materials_transmission": {{ "transmissionFactor": 0.5,
+    "transmissionTexture": {{ "index": 0 }} }}{extension} }} }} ],
+"textures": [ {{ "source": 0 }} ], "images": [ {{ "uri": "t.png" }} ],
+"accessors": [ {{ "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3" }},
+  {{ "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC2" }} ],
+"bufferViews": [ {{ "buffer": 0, "byteOffset": 0, "byteLength": 36 }} ],
+"buffers": [ {{ "uri": "b.bin", "byteLength": 36 }} ] }}"#
+        );
+        let corners = [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+        let reds = [1.0, 0.0, 0.6].map(|red| [red, 1.0 - red, 0.0]);
+        let desc = read(&[
+            ("a.gltf", text.as_bytes()),
+            ("b.bin", &corners.map(f32::to_le_bytes).concat()),
+            ("t.png", &picture("t.png", &reds)),
+        ]);
+        let found: Vec<f32> = floats(material(&desc, "pane"), slot)
+            .iter()
+            .map(|t| t.x)
+            .collect();
+        for (found_at, expected_at) in found.iter().zip(expected) {
+            assert!((found_at - expected_at).abs() < 1e-6, "{slot:?}: {found:?}");
+        }
     }
 }
 
