@@ -335,13 +335,12 @@ mod tests {
 
     #[test]
     fn hits_beside_the_cuts_lie_in_a_part_however_they_are_rounded() {
-        let triangles: Vec<[Vec3; 3]> = (0..50)
-            .map(|i| {
-                let at = Vec3::new(1.0, -1.0, 0.3) * i as f32 * 0.037;
-                [at, at + Vec3::ONE, at + Vec3::new(0.5, 0.52, 0.48)]
-            })
-            .collect();
-        let parts = cut_triangles(&triangles, &boxes(&triangles), 4.0).unwrap();
+        let mut triangles = random_triangles(300, 4);
+        for i in 0..100 {
+            let at = Vec3::new(1.0, -1.0, 0.3) * i as f32 * 0.01;
+            triangles.push([at, at + Vec3::ONE, at + Vec3::new(0.5, 0.52, 0.48)]);
+        }
+        let parts = cut_triangles(&triangles, &boxes(&triangles), 0.5).unwrap();
         let mut tested = 0;
         for (i, triangle) in triangles.iter().enumerate() {
             let whole = BuildPrimitive::triangle(triangle).aabb;

@@ -81,7 +81,7 @@ fn coated_glass_that_is_almost_smooth_looks_like_smooth_glass() {
         for cos in [0.2f32, -0.757] {
             let wo = direction(cos);
             let [rough, smooth] =
-                [0.1, 0.0].map(|roughness| shares(&surface(roughness, glass, 1.0, one_sided), wo));
+                [0.04, 0.0].map(|roughness| shares(&surface(roughness, glass, 1.0, one_sided), wo));
             for (share, (a, b)) in ["reflected", "transmitted"]
                 .iter()
                 .zip(rough.iter().zip(smooth))
