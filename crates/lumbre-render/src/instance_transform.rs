@@ -61,3 +61,52 @@ pub fn world_bounds(instance: &Instance, boxes: impl IntoIterator<Item = [Vec3; 
     let margin = Vec3::splat(low.abs().max(high.abs()).max_element() * MARGIN);
     [low - margin, high + margin]
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{DAffine3, DQuat, DVec3};
+
+    use super::*;
+
+    /// Returns an instance at a place.
+    fn instance(to_world: DAffine3) -> Instance {
+        Instance {
+            mesh: 0,
+            to_world,
+            normal_to_world: Mat3::IDENTITY,
+            materials: 0,
+            emitters: 0,
+            flattened_start: 0,
+        }
+    }
+
+    /// Rays hit an instance with coordinates that are rounded to units of the greatest one: a flat
+    /// mesh that is parallel to an axis has a box with room for them.
+    #[test]
+    fn boxes_of_instances_contain_their_points_however_they_are_rounded() {
+        for (turn, translate) in [
+            (DQuat::IDENTITY, DVec3::new(3.0, 700.0, -20.0)),
+            (DQuat::from_rotation_y(0.7), DVec3::new(-5000.0, 3.0, 0.1)),
+            (DQuat::from_rotation_z(2.1), DVec3::ZERO),
+        ] {
+            let to_world = DAffine3::from_rotation_translation(turn, translate);
+            let instance = instance(to_world);
+            let square = [Vec3::new(-1.0, 0.0, -1.0), Vec3::new(1.0, 0.0, 1.0)];
+            let [low, high] = world_bounds(&instance, [square]);
+            let greatest = low.abs().max(high.abs()).max_element();
+            // Two roundings: of the point, and of the ray's origin.
+            let room = Vec3::splat(greatest * f32::EPSILON);
+            for [x, z] in [
+                [-1.0, -1.0],
+                [-1.0, 1.0],
+                [1.0, -1.0],
+                [1.0, 1.0],
+                [0.3, -0.4],
+            ] {
+                let p = to_world.transform_point3(DVec3::new(x, 0.0, z)).as_vec3();
+                let inside = low.cmple(p - room).all() && high.cmpge(p + room).all();
+                assert!(inside, "{p} is too near the bounds {low} and {high}");
+            }
+        }
+    }
+}

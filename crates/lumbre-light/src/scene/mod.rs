@@ -10,6 +10,8 @@ pub mod compile;
 pub mod desc;
 pub mod edit;
 pub mod export;
+#[cfg(test)]
+pub mod fixtures;
 pub mod load;
 mod model_differences;
 pub mod names;

@@ -6,6 +6,8 @@ mod maps;
 mod mask;
 mod parameters;
 mod terminator;
+#[cfg(test)]
+mod tests;
 mod traits;
 
 use glam::{Vec2, Vec3};

@@ -221,11 +221,20 @@ fn look(waited: Duration) {
         return;
     };
     let mut watch = watch.lock().unwrap_or_else(PoisonError::into_inner);
-    let gap = watch.last.elapsed().saturating_sub(BEAT + waited);
-    if gap > STOPPED {
-        watch.stopped += gap;
+    watch.look(Instant::now(), waited);
+}
+
+impl Watch {
+    /// Counts the gap until `now` as stopped, less an interval and the time that the watching thread
+    /// `waited` for a processor.
+    fn look(&mut self, now: Instant, waited: Duration) {
+        let since_last = now.saturating_duration_since(self.last);
+        let gap = since_last.saturating_sub(BEAT + waited);
+        if gap > STOPPED {
+            self.stopped += gap;
+        }
+        self.last = now;
     }
-    watch.last = Instant::now();
 }
 
 impl RenderClock {
@@ -309,5 +318,40 @@ mod tests {
         assert!(processor.ran > Duration::ZERO, "{processor:?}");
         let time = clock.stop(&start);
         assert!(time.render_s > 0.0 && time.lost_s >= 0.0, "{time:?}");
+    }
+
+    #[test]
+    fn more_threads_than_processors_get_their_share_of_them() {
+        let processors = thread::available_parallelism().map_or(1, usize::from);
+        for (threads, share) in [(1, 1.0), (processors, 1.0), (4 * processors, 0.25)] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            let clock = RenderClock::new(&pool.build().unwrap());
+            assert_eq!(clock.own_share, share, "{threads} threads");
+        }
+    }
+
+    #[test]
+    fn a_late_look_counts_as_a_stop_unless_the_thread_waited_for_a_processor() {
+        let begun = Instant::now();
+        let second = Duration::from_secs(1);
+        for (late, waited, stopped) in [
+            (BEAT, Duration::ZERO, Duration::ZERO),
+            (BEAT + STOPPED, Duration::ZERO, Duration::ZERO),
+            (BEAT + second, Duration::ZERO, second),
+            (BEAT + second, second, Duration::ZERO),
+            (BEAT + 3 * second, second, 2 * second),
+        ] {
+            let mut watch = Watch {
+                last: begun,
+                stopped: second,
+            };
+            watch.look(begun + late, waited);
+            assert_eq!(
+                watch.stopped,
+                second + stopped,
+                "{late:?} late, {waited:?} waited"
+            );
+            assert_eq!(watch.last, begun + late);
+        }
     }
 }

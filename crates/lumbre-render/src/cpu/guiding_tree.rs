@@ -123,3 +123,53 @@ impl GuidingTree {
         Some(cells.map(|(row, column)| cell(row, column)).collect())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec3, Vec3};
+    use lumbre_light::transport::integrator::guided::direction_tree::point_of;
+    use lumbre_light::transport::integrator::guided::sd_tree::Limits;
+
+    use super::*;
+
+    /// Returns a tree of one region, trained by light from a direction. Its cells are a sixteenth of
+    /// the square wide.
+    fn trained(dir: Vec3) -> GuidingTree {
+        let limits = Limits {
+            vertices: f64::MAX,
+            bytes: u64::MAX,
+        };
+        let one = SdTree::new([Vec3::ZERO, Vec3::ONE]);
+        let mut tree = one.refined(&one.sums(), &limits);
+        let mut sums = tree.sums();
+        tree.add(0, &mut sums[0], point_of(dir), 1.0);
+        tree.set_densities(&sums, |sum, _| sum);
+        GuidingTree {
+            tree: Arc::new(tree),
+            rays: 0,
+            resolution: [1; 2],
+            regions: vec![Some(0)],
+        }
+    }
+
+    #[test]
+    fn rows_of_the_density_are_cosines_from_1_to_minus_1_and_columns_azimuths() {
+        for (cos, azimuth) in [(0.8f64, 1.0f64), (-0.8, 4.0), (0.3, 5.5)] {
+            let direction = |cos: f64, azimuth: f64| {
+                let sin = (1.0 - cos * cos).sqrt();
+                DVec3::new(sin * azimuth.cos(), sin * azimuth.sin(), cos)
+            };
+            let dir = direction(cos, azimuth);
+            let density = trained(dir.as_vec3()).density(0).unwrap();
+            let of_cell = |at: usize| {
+                let row = ((at / COLUMNS) as f64 + 0.5) / ROWS as f64;
+                let column = ((at % COLUMNS) as f64 + 0.5) / COLUMNS as f64;
+                direction(1.0 - 2.0 * row, std::f64::consts::TAU * column)
+            };
+            let cells = density.iter().enumerate();
+            let sum: DVec3 = cells.map(|(at, density)| of_cell(at) * *density).sum();
+            let mean = sum.normalize_or(DVec3::ZERO);
+            assert!(mean.dot(dir) > 0.98, "{mean} is the mean, expected {dir}");
+        }
+    }
+}

@@ -129,3 +129,66 @@ impl PreparedScene {
         path_trace::record(&prepared, samples)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use lumbre_light::scene::desc::{
+        EntityDesc, LightDesc, LightKind, MaterialDesc, SceneDesc, ShapeDesc, Transform,
+    };
+    use lumbre_light::transport::light::LightId;
+
+    use super::*;
+
+    /// Returns a ball between two point lights, the second of which has three times the power.
+    fn two_lights() -> Arc<CompiledScene> {
+        let light = |(i, (x, intensity)): (usize, &(f32, f32))| LightDesc {
+            name: format!("l{i}"),
+            kind: LightKind::Point {
+                position: Vec3::X * *x,
+                intensity: Vec3::splat(*intensity),
+            },
+        };
+        let ball = EntityDesc {
+            name: "ball".to_owned(),
+            transform: Transform::default(),
+            material: None,
+            anisotropic_direction: None,
+            shape: ShapeDesc::Sphere { radius: 1.0 },
+        };
+        let desc = SceneDesc {
+            views: Vec::new(),
+            resolution: [1, 1],
+            max_depth: 1,
+            camera: CameraDesc {
+                position: Vec3::Z * 9.0,
+                target: Vec3::ZERO,
+                ..CameraDesc::default()
+            },
+            materials: vec![MaterialDesc::new("m")],
+            entities: vec![ball],
+            lights: [(3.0, 1.0), (-3.0, 3.0)]
+                .iter()
+                .enumerate()
+                .map(light)
+                .collect(),
+            environment: None,
+        };
+        Arc::new(lumbre_light::scene::compile(&desc).unwrap().0)
+    }
+
+    #[test]
+    fn every_selection_has_its_own_probabilities_of_lights() {
+        let scene = PreparedScene::new(two_lights(), &AccelSpec::default(), 1).unwrap();
+        let expected = [
+            (LightSelection::Uniform, 0.5),
+            (LightSelection::Power, 0.75),
+            (LightSelection::Uniform, 0.5),
+        ];
+        for (selection, probability) in expected {
+            for _ in 0..2 {
+                let found = scene.lights(selection).pdf_choice(LightId::Point(1));
+                assert!((found - probability).abs() < 1e-6, "{selection:?}: {found}");
+            }
+        }
+    }
+}

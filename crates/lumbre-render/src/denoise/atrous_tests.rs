@@ -229,3 +229,61 @@ fn settings_read_back_and_the_table_has_their_defaults() {
     }
     ATROUS.check("atrous", &default).unwrap();
 }
+
+#[test]
+fn a_picture_that_is_four_times_as_bright_becomes_four_times_as_bright() {
+    let light = |x: u32, y: u32| 1.0 + (x as f32 * 0.4).sin() * (y as f32 * 0.3).cos();
+    let scene = Scene::noisy(0.3, light, grey);
+    let scaled = |image: &Image, factor: f32| {
+        Image::from_fn(SIZE[0], SIZE[1], |x, y| image.at(x, y).map(|v| v * factor))
+    };
+    // The variance is in units of the square of the picture.
+    let bright = Scene {
+        mean: scaled(&scene.mean, 4.0),
+        variance: scaled(&scene.variance, 16.0),
+        ..Scene::noisy(0.3, light, grey)
+    };
+    // Powers of two leave all digits alone.
+    assert_eq!(bright.filtered(), scaled(&scene.filtered(), 4.0));
+    assert_ne!(scene.filtered(), scene.mean);
+}
+
+#[test]
+fn the_variance_after_a_pass_is_that_of_the_means_of_independent_pixels() {
+    let size = Size {
+        width: 96,
+        height: 96,
+    };
+    let mut random = noise();
+    // Uniform numbers of width 1 have the variance 1 / 12.
+    let pixels: Vec<Pixel> = (0..size.width * size.height)
+        .map(|_| Pixel {
+            light: [1.0 + random(); 3],
+            variance: 1.0 / 12.0,
+        })
+        .collect();
+    let surfaces = vec![Surface::default(); pixels.len()];
+    // Differences of luminance count nothing.
+    let settings = AtrousSettings {
+        sigma_luminance: 1e6,
+        ..AtrousSettings::default()
+    };
+    let after = pass(&settings, size, 1, &pixels, &surfaces);
+    let inside: Vec<&Pixel> = (4..size.height - 4)
+        .flat_map(|y| (4..size.width - 4).map(move |x| (y * size.width + x) as usize))
+        .map(|i| &after[i])
+        .collect();
+    let n = inside.len() as f32;
+    let mean = inside.iter().map(|p| p.light[1]).sum::<f32>() / n;
+    let found = inside
+        .iter()
+        .map(|p| (p.light[1] - mean).powi(2))
+        .sum::<f32>()
+        / n;
+    let stated = inside.iter().map(|p| p.variance).sum::<f32>() / n;
+    // Some 600 independent neighbourhoods: a standard error of 6 %.
+    assert!(
+        (stated / found - 1.0).abs() < 0.25,
+        "{stated} is stated, {found} is found"
+    );
+}

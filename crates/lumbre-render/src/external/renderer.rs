@@ -398,7 +398,11 @@ fn wave_seed(seed: u64, samples: u64) -> u32 {
 mod tests {
     use std::collections::BTreeSet;
 
+    use lumbre_light::transport::integrator::external::DECLARED;
+    use lumbre_light::value::Value;
+
     use super::*;
+    use crate::external::technique::SCENE_FILE;
 
     #[test]
     fn every_wave_has_its_own_seed() {
@@ -448,5 +452,57 @@ mod tests {
             let expected = (name.to_owned(), threads, "fake 1".to_owned(), whole);
             assert_eq!(stated(line), expected);
         }
+    }
+    /// Returns the seeds with which a program renders waves of these numbers of samples, for a part
+    /// of a picture that begins with a sample.
+    #[cfg(unix)]
+    fn seeds(first_sample: u64, waves: &[u64]) -> Vec<String> {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str| folder.path().join(name).display().to_string();
+        let (log, picture) = (file("log"), file("black.pfm"));
+        fs::write(&picture, [b"PF\n1 1\n-1.0\n".as_slice(), &[0; 12]].concat()).unwrap();
+        let script = format!("echo $1 >> '{log}'; cp '{picture}' \"$3\"");
+        let words = ["sh", "-c", &script, "sh", "{seed}", "{spp}", "{out}"];
+        let words = words.map(Value::from);
+        let params = BTreeMap::from([
+            ("command".to_owned(), Value::List(words.to_vec())),
+            ("scene".to_owned(), "raw:none".into()),
+            (SCENE_FILE.to_owned(), "none".into()),
+            ("picture".to_owned(), "pfm".into()),
+        ]);
+        let technique = Technique::declared("external:toy", &params).unwrap();
+        let desc = SceneDesc {
+            views: Vec::new(),
+            resolution: [1, 1],
+            max_depth: 1,
+            camera: Default::default(),
+            materials: Vec::new(),
+            entities: Vec::new(),
+            lights: Vec::new(),
+            environment: None,
+        };
+        let job = Job {
+            first_sample,
+            ..Job::plain(&DECLARED, [1, 1], 1, 7)
+        };
+        let access = Access {
+            commands: true,
+            cancelled: &|| false,
+        };
+        let mut run = ExternalRenderer::start(technique, &desc, &job, &access).unwrap();
+        for samples in waves {
+            run.advance(*samples).unwrap();
+        }
+        let log = fs::read_to_string(log).unwrap();
+        log.lines().map(str::to_owned).collect()
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn waves_of_parts_have_the_seeds_of_the_whole_picture() {
+        let whole = seeds(0, &[4, 4, 4]);
+        assert_eq!(BTreeSet::from_iter(&whole).len(), 3);
+        assert_eq!(seeds(4, &[4, 4]), whole[1..]);
+        assert_eq!(seeds(8, &[4]), whole[2..]);
     }
 }

@@ -588,4 +588,12 @@ mod tests {
             [("scene".to_owned(), "/scenes/a.pbrt".into())]
         );
     }
+
+    #[test]
+    fn every_option_except_the_timeout_is_part_of_the_identity() {
+        for key in EXTERNAL.fields.iter().map(|field| field.key) {
+            let identity = identity(&BTreeMap::from([(key.to_owned(), "other".into())]));
+            assert_eq!(identity.is_empty(), key == "timeout", "{key}");
+        }
+    }
 }

@@ -366,3 +366,68 @@ unsafe extern "C" fn add(sample: CSample, value: *const f32, s: u32, t: u32) {
         length: 0.0,
     });
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::{BTreeMap, BTreeSet};
+
+    use lumbre_light::scene::desc::{CameraDesc, SceneDesc};
+    use lumbre_light::transport::arrival::SurfaceClasses;
+    use lumbre_light::transport::camera::{Camera, FilterSpec};
+    use lumbre_light::transport::integrator::Settings;
+    use lumbre_light::transport::light::Lights;
+    use lumbre_light::transport::ray::{Hit, Trace};
+
+    use super::*;
+
+    /// Intersector of an empty scene.
+    struct Nothing;
+
+    impl Trace for Nothing {
+        fn closest(&self, _: &Ray, _: f32) -> Option<Hit> {
+            None
+        }
+
+        fn occluded(&self, _: &Ray, _: f32) -> bool {
+            false
+        }
+    }
+
+    #[test]
+    fn the_surfaces_of_a_path_get_different_auxiliary_numbers() {
+        let desc = SceneDesc {
+            views: Vec::new(),
+            resolution: [1, 1],
+            max_depth: 1,
+            camera: CameraDesc {
+                position: Vec3::Z,
+                target: Vec3::ZERO,
+                ..CameraDesc::default()
+            },
+            materials: Vec::new(),
+            entities: Vec::new(),
+            lights: Vec::new(),
+            environment: None,
+        };
+        let (scene, _) = lumbre_light::scene::compile(&desc).unwrap();
+        let params = BTreeMap::new();
+        let context = Context {
+            scene: &scene,
+            camera: &Camera::new(&scene.camera, [1, 1], FilterSpec::PIXEL),
+            lights: &Lights::new(&scene),
+            classes: &SurfaceClasses::new(&scene),
+            trace: &Nothing,
+            max_depth: 5,
+            rr_start: None,
+            settings: &Settings::new(&params),
+            params: &params,
+            timing: None,
+            shared: None,
+        };
+        let mut sampler = Sampler::new(1, [0, 0], 2);
+        let mut sink = |_: Contribution| {};
+        let mut state = SampleState::new(&context, [0, 0], &mut sampler, &mut sink);
+        let numbers: BTreeSet<u32> = (0..32).map(|_| state.next_auxiliary().to_bits()).collect();
+        assert_eq!(numbers.len(), 32);
+    }
+}

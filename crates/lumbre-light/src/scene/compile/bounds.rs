@@ -110,3 +110,23 @@ fn farthest(
     }
     best
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::compile;
+    use super::*;
+    use crate::scene::desc::{MaterialDesc, ShapeDesc};
+    use crate::scene::fixtures::scene;
+
+    #[test]
+    fn the_bounding_sphere_contains_every_point_of_every_ball() {
+        let balls = [(1.0, Vec3::ZERO), (2.0, Vec3::X * 6.0), (0.5, Vec3::Y)]
+            .map(|(radius, center)| (ShapeDesc::Sphere { radius }, center));
+        let (scene, _) = compile(&scene(&balls, MaterialDesc::new("m"))).unwrap();
+        let ([low, high], radius) = scene.bounds_and_radius();
+        assert_eq!(low, Vec3::new(-1.0, -2.0, -2.0));
+        assert_eq!(high, Vec3::new(8.0, 2.0, 2.0));
+        // The farthest points from the middle, (3.5, 0, 0), are (8, 0, 0) and (-1, 0, 0).
+        assert!((radius - 4.5).abs() < 1e-5, "{radius}");
+    }
+}

@@ -468,3 +468,56 @@ impl DelayProfile {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns a blend of two parts.
+    fn blend(material: u32, parts: [u32; 2]) -> Blend {
+        Blend {
+            material,
+            parts,
+            texture: NONE,
+            tiling: UvMap::IDENTITY,
+        }
+    }
+
+    #[test]
+    fn parts_of_nested_blends_are_chosen_with_the_products_of_their_weights() {
+        // Material 5 blends 0 with 4, which is composed of 1 and of 3, a blend of 1 and 2.
+        let component = |cumulative_weight, material| MaterialComponent {
+            cumulative_weight,
+            material,
+            profiles: [0; 2],
+        };
+        let delays = Delays {
+            rows: vec![[0; 2], [0; 2], [0; 2], [0; 2], [0, 2], [0; 2]],
+            components: vec![component(0.25, 1), component(1.0, 3)],
+            profiles: Vec::new(),
+            blends: vec![blend(3, [1, 2]), blend(5, [0, 4])],
+        };
+        // The weight of the second part.
+        let weight = |blend: &Blend| if blend.material == 3 { 0.125 } else { 0.5 };
+        let n = 1 << 12;
+        let mut counts = [0; 4];
+        for i in 0..n {
+            let u = (f64::from(i) + 0.5) / f64::from(n);
+            match delays.choose_component(5, || u as f32, weight) {
+                (0, NONE) => counts[0] += 1,
+                (1, 0) => counts[1] += 1,
+                (1, _) => counts[2] += 1,
+                (2, _) => counts[3] += 1,
+                other => panic!("{other:?} is no part"),
+            }
+        }
+        let shares = [0.5, 0.5 * 0.25, 0.5 * 0.75 * 0.875, 0.5 * 0.75 * 0.125];
+        for (count, share) in counts.into_iter().zip(shares) {
+            let found = f64::from(count) / f64::from(n);
+            assert!(
+                (found - share).abs() < 1e-3,
+                "{counts:?} of {n}, expected {shares:?}"
+            );
+        }
+    }
+}

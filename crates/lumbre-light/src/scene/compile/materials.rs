@@ -293,8 +293,10 @@ mod tests {
     use std::path::PathBuf;
     use std::sync::Arc;
 
+    use glam::{Affine2, Vec2};
+
     use super::*;
-    use crate::scene::desc::{CameraDesc, texture_hash};
+    use crate::scene::desc::{CameraDesc, TextureFilter, Wrap, texture_hash};
 
     fn texture(texels: Texels) -> Arc<TextureDesc> {
         let content_hash = texture_hash(1, 1, &texels);
@@ -483,5 +485,73 @@ mod tests {
             notes.len() == 1 && notes[0].message.contains("negative"),
             "{notes:?}"
         );
+    }
+    #[test]
+    fn textures_of_one_image_keep_their_own_mappings() {
+        let grey = || texture(Texels::Rgba8(vec![[128, 128, 128, 255]].into()));
+        let lookups = [
+            Lookup::default(),
+            Lookup {
+                wrap: [Wrap::Clamp, Wrap::Mirror],
+                ..Lookup::default()
+            },
+            Lookup {
+                filter: TextureFilter::Nearest,
+                ..Lookup::default()
+            },
+            Lookup {
+                second: true,
+                ..Lookup::default()
+            },
+            Lookup {
+                map: Some(Affine2::from_scale(Vec2::splat(2.0))),
+                ..Lookup::default()
+            },
+        ];
+        let materials = lookups.map(|lookup| {
+            let mut m = MaterialDesc::new("m");
+            m.set_mapped_texture(TextureSlot::BaseColor, grey(), lookup);
+            m
+        });
+        let (rows, textures, _) = compiled(materials.to_vec());
+        for (row, lookup) in rows.iter().zip(lookups) {
+            assert_eq!(textures[row.base_color_texture as usize].lookup, lookup);
+        }
+    }
+
+    /// Returns the reflectance of a dielectric for a ray inside with a cosine, from Fresnel's
+    /// amplitudes.
+    fn reflected_inside(cos: f64, ior: f64) -> f64 {
+        let sin_outside = ior * (1.0 - cos * cos).sqrt();
+        if sin_outside >= 1.0 {
+            return 1.0;
+        }
+        let outside = (1.0 - sin_outside * sin_outside).sqrt();
+        let s = (ior * cos - outside) / (ior * cos + outside);
+        let p = (cos - ior * outside) / (cos + ior * outside);
+        0.5 * (s * s + p * p)
+    }
+
+    #[test]
+    fn plastic_reflects_diffuse_light_internally_by_the_mean_of_the_fresnel_equations() {
+        for ior in [1.3f32, 1.5, 2.4] {
+            let plastic = MaterialDesc {
+                model: Model::Plastic,
+                ior,
+                ..MaterialDesc::new("m")
+            };
+            let (rows, ..) = compiled(vec![plastic]);
+            let n = 20_000;
+            let mean = |i: i32| {
+                let cos = (f64::from(i) + 0.5) / f64::from(n);
+                2.0 * cos * reflected_inside(cos, f64::from(ior)) / f64::from(n)
+            };
+            let expected = (0..n).map(mean).sum::<f64>();
+            let found = f64::from(rows[0].interface.internal_reflectance);
+            assert!(
+                (found - expected).abs() < 1e-3,
+                "{ior}: {found}, expected {expected}"
+            );
+        }
     }
 }

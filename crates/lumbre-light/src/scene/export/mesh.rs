@@ -107,3 +107,57 @@ fn normals_point_behind(mesh: &MeshDesc, corners: &[u32; 3]) -> bool {
     let mean: Vec3 = corners.iter().map(|i| mesh.normals[*i as usize]).sum();
     (b - a).cross(c - a).dot(mean.as_dvec3()) < 0.0
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns a mesh of two triangles that share an edge, the second of which shows its back to
+    /// the side of the vertex normals.
+    fn mesh() -> MeshDesc {
+        MeshDesc {
+            file: Default::default(),
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::new(1.0, 1.0, 0.0)],
+            normals: vec![Vec3::Z; 4],
+            uvs: Vec::new(),
+            second_uvs: Vec::new(),
+            tangents: Vec::new(),
+            colors: Vec::new(),
+            triangles: vec![[0, 1, 2], [1, 2, 3]],
+            slots: vec!["m".to_owned()],
+            triangle_slot: vec![0; 2],
+            content_hash: [0; 32],
+        }
+    }
+
+    #[test]
+    fn normals_lie_on_the_front_of_every_triangle() {
+        let bytes = encode(&mesh(), 0, false);
+        let end = bytes
+            .windows(11)
+            .position(|w| w == b"end_header\n")
+            .unwrap()
+            + 11;
+        let (header, body) = bytes.split_at(end);
+        let header = String::from_utf8(header.to_vec()).unwrap();
+        assert!(header.contains("element vertex 6\n"), "{header}");
+        let word = |bytes: &[u8], at: usize| <[u8; 4]>::try_from(&bytes[at..at + 4]).unwrap();
+        let (vertices, faces) = body.split_at(6 * 24);
+        let vector = |v: &[u8], at: usize| {
+            Vec3::from([0, 4, 8].map(|k| f32::from_le_bytes(word(v, at + k))))
+        };
+        let vertices: Vec<[Vec3; 2]> = vertices
+            .chunks_exact(24)
+            .map(|v| [vector(v, 0), vector(v, 12)])
+            .collect();
+        assert_eq!(faces.len(), 2 * 13);
+        for face in faces.chunks_exact(13) {
+            let corners = [1, 5, 9].map(|at| vertices[u32::from_le_bytes(word(face, at)) as usize]);
+            let [a, b, c] = corners.map(|[position, _]| position);
+            let front = (b - a).cross(c - a);
+            for [position, normal] in corners {
+                assert!(normal.dot(front) > 0.0, "{position}: {normal}");
+            }
+        }
+    }
+}

@@ -347,6 +347,8 @@ fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, SceneError> {
 }
 
 #[cfg(test)]
+mod format_values;
+#[cfg(test)]
 mod tests {
     use super::*;
 

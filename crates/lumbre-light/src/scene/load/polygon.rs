@@ -140,7 +140,16 @@ mod tests {
             .chain([[39.0, -1.0], [0.0, -1.0]])
             .rev()
             .collect();
-        for corners in [&l[..], &comb] {
+        // A corner lies on the diagonal that would cut off an ear, in some of the turns.
+        let touching = [
+            [0.0, 2.0],
+            [0.0, 0.0],
+            [3.0, 0.0],
+            [4.0, 3.0],
+            [1.0, 2.0],
+            [2.0, 4.0],
+        ];
+        for corners in [&l[..], &comb, &touching] {
             for turn in 0..corners.len() {
                 for reversed in [false, true] {
                     let mut corners = corners.to_vec();

@@ -10,6 +10,8 @@
 
 mod parameters;
 mod sampling;
+#[cfg(test)]
+mod tests;
 
 use glam::Vec3;
 

@@ -240,3 +240,43 @@ fn cell_means(texture: &Texture, factor: Vec3) -> Vec<f64> {
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns the direction at a fraction of the width of a map, on the horizon.
+    fn horizon(u: f32) -> Vec3 {
+        let (sin, cos) = (TAU * u).sin_cos();
+        Vec3::new(sin, 0.0, -cos)
+    }
+
+    #[test]
+    fn radiance_is_interpolated_across_the_seam() {
+        let columns = [1.0f32, 5.0, 2.0, 9.0];
+        let texels = columns.map(|x| [x; 3]).to_vec();
+        let environment = EnvironmentLight::new(&Environment {
+            map: Some(Arc::new(Texture::new(4, 1, texels))),
+            radiance: Vec3::ONE,
+            rotation_rad: 0.0,
+            sampling: EnvironmentSampling::default(),
+        })
+        .unwrap();
+        // Fractions of the width: the centre of texel k is at (k + 1/2) / 4.
+        for (u, expected) in [
+            (0.125, 1.0),
+            (0.25, 3.0),
+            (0.875, 9.0),
+            (0.9375, 7.0),
+            (0.99999, 5.0),
+            (0.00001, 5.0),
+            (0.0625, 3.0),
+        ] {
+            let found = environment.radiance::<f32, 1>(horizon(u), true).x;
+            assert!(
+                (found - expected).abs() < 1e-3,
+                "{u}: {found}, expected {expected}"
+            );
+        }
+    }
+}

@@ -160,7 +160,12 @@ fn mean_luminance(texture: &Texture) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use glam::{Vec2, Vec3};
+
     use super::*;
+    use crate::scene::compile;
+    use crate::scene::desc::{MaterialDesc, Texels, TextureDesc, TextureSlot};
+    use crate::scene::fixtures::{mesh, scene};
 
     #[test]
     fn neither_distant_lights_nor_others_fall_below_a_third() {
@@ -174,6 +179,39 @@ mod tests {
             share(weights.split_at_mut(2));
             for (weight, expected) in weights.into_iter().zip(expected) {
                 assert!((weight - expected).abs() < 1e-9, "{weights:?}");
+            }
+        }
+    }
+    /// Returns a square that emits by a texture of `side` x `side` texels, one of which is white.
+    fn glowing_texel(side: u32, texel: u32) -> CompiledScene {
+        let mut texels = vec![[0.0, 0.0, 0.0, 1.0]; (side * side) as usize];
+        texels[texel as usize] = [1.0; 4];
+        let mut material = MaterialDesc {
+            emission: Vec3::ONE,
+            ..MaterialDesc::new("m")
+        };
+        let texture = TextureDesc::new("t", side, side, Texels::RgbaF32(texels));
+        material.set_texture(TextureSlot::Emission, Some(texture.into()));
+        let uvs = [Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y];
+        let corners = uvs.map(|uv| uv.extend(0.0));
+        let square = mesh(&corners, &uvs, &[[0, 1, 2], [0, 2, 3]]);
+        compile(&scene(&[(square, Vec3::ZERO)], material))
+            .unwrap()
+            .0
+    }
+
+    #[test]
+    fn lights_whose_only_bright_texel_no_probe_finds_are_chosen() {
+        let ids = [LightId::Emitter(0), LightId::Emitter(1)];
+        for texel in [0, 63, 64 * 31 + 17, 64 * 64 - 1] {
+            let scene = glowing_texel(64, texel);
+            let ball = BoundingSphere::for_scene(&scene);
+            for select in [LightSelection::Power, LightSelection::Tree] {
+                let weights = weights(&scene, select, &ids, &ball, None);
+                assert!(
+                    weights.iter().all(|w| *w > 0.0),
+                    "{select:?}, {texel}: {weights:?}"
+                );
             }
         }
     }

@@ -280,3 +280,39 @@ pub const SAMPLER_NAMES: [&str; SAMPLERS.len()] = {
 pub fn sampler(name: &str) -> Option<&'static SamplerRow> {
     SAMPLERS.iter().find(|row| row.name == name)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn auxiliary_numbers_differ_between_samples_pixels_and_seeds() {
+        for row in SAMPLERS {
+            let mut seen = BTreeSet::new();
+            for seed in 0..4 {
+                for pixel in [[0, 0], [1, 0], [0, 1]] {
+                    for sample in 0..16 {
+                        let mut numbers = row.start(seed, pixel, sample).auxiliary();
+                        let first: f32 = numbers.next_1d();
+                        seen.insert(first.to_bits());
+                    }
+                }
+            }
+            // Two of 192 numbers of 24 bits are equal with a probability of 0.1 %.
+            assert_eq!(seen.len(), 4 * 3 * 16, "{}", row.name);
+        }
+    }
+
+    #[test]
+    fn auxiliary_numbers_do_not_depend_on_the_numbers_taken() {
+        for row in SAMPLERS {
+            let mut sampler = row.start(7, [3, 5], 2);
+            let before: f32 = sampler.auxiliary().next_1d();
+            sampler.next_three();
+            let after: f32 = sampler.auxiliary().next_1d();
+            assert_eq!(before, after, "{}", row.name);
+        }
+    }
+}

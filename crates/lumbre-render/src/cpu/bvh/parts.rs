@@ -322,4 +322,49 @@ mod tests {
         let parts = cut_triangles(&huge, &boxes(&huge), 1.0);
         assert!(parts.is_none_or(|parts| check(&huge, &parts) > 0.0));
     }
+
+    /// Returns where the edges of a triangle meet a plane across an axis.
+    fn crossings(triangle: &[Vec3; 3], axis: usize, at: f64) -> Vec<DVec3> {
+        let corners = triangle.map(Vec3::as_dvec3);
+        let edges = (0..3).map(|i| (corners[i], corners[(i + 1) % 3]));
+        edges
+            .filter(|(a, b)| (a[axis] - at) * (b[axis] - at) < 0.0)
+            .map(|(a, b)| a.lerp(b, (at - a[axis]) / (b[axis] - a[axis])))
+            .collect()
+    }
+
+    #[test]
+    fn hits_beside_the_cuts_lie_in_a_part_however_they_are_rounded() {
+        let mut triangles = random_triangles(300, 4);
+        for i in 0..100 {
+            let at = Vec3::new(1.0, -1.0, 0.3) * i as f32 * 0.01;
+            triangles.push([at, at + Vec3::ONE, at + Vec3::new(0.5, 0.52, 0.48)]);
+        }
+        let parts = cut_triangles(&triangles, &boxes(&triangles), 0.5).unwrap();
+        let mut tested = 0;
+        for (i, triangle) in triangles.iter().enumerate() {
+            let whole = BuildPrimitive::triangle(triangle).aabb;
+            let greatest = whole.min.abs().max(whole.max.abs()).max_element();
+            let unit = greatest * f32::EPSILON;
+            let all = parts.primitives.iter().zip(&parts.whole);
+            let own: Vec<Aabb> = all
+                .filter(|(_, whole)| **whole as usize == i)
+                .map(|(part, _)| part.aabb)
+                .collect();
+            let bounds = own.iter().flat_map(|aabb| [aabb.min, aabb.max]);
+            for (bound, axis) in bounds.flat_map(|bound| (0..3).map(move |axis| (bound, axis))) {
+                for p in crossings(triangle, axis, f64::from(bound[axis])) {
+                    for signs in 0..8 {
+                        let sign = |axis: usize| if signs >> axis & 1 == 0 { -1.0 } else { 1.0 };
+                        let off = Vec3A::new(sign(0), sign(1), sign(2)) * unit;
+                        let hit = (Vec3A::from(p.as_vec3()) + off).clamp(whole.min, whole.max);
+                        let found = own.iter().any(|aabb| aabb.contains_point(hit));
+                        assert!(found, "triangle {i}: {hit} is in none of {own:?}");
+                        tested += 1;
+                    }
+                }
+            }
+        }
+        assert!(tested > 1000, "{tested}");
+    }
 }

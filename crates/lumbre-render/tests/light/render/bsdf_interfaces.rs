@@ -96,18 +96,24 @@ fn smooth_white_glass_panes_and_mirrors_absorb_nothing() {
 
 #[test]
 fn a_pane_reflects_the_series_of_reflections_between_its_faces() {
-    let pane = Material {
+    let pane = |ior| Material {
         model: Model::Dielectric,
         opacity: 0.0,
+        ior,
         interface: Interface {
             thin: true,
             ..Interface::PLAIN
         },
         ..WHITE
     };
-    for cos in [1.0f32, 0.5, 0.2, -0.5] {
+    // A pane has no inside: which of its sides an index is relative to makes no difference.
+    let cosines = [1.0f32, 0.5, 0.2, -0.5];
+    for (ior, cos) in [1.5, 1.0 / 1.5]
+        .into_iter()
+        .flat_map(|ior| cosines.map(|cos| (ior, cos)))
+    {
         let wo = direction(cos, 0.3);
-        let s = bsdf(&pane)
+        let s = bsdf(&pane(ior))
             .sample(wo, 0.0, [0.5; 2], TransportMode::Radiance)
             .unwrap();
         let r = f64::from(fresnel::dielectric(cos.abs(), 1.5).reflectance);
@@ -117,7 +123,7 @@ fn a_pane_reflects_the_series_of_reflections_between_its_faces() {
                 .sum::<f64>();
         assert!(
             (f64::from(s.pdf_w) - series).abs() < 1e-5,
-            "{cos}: {} instead of {series}",
+            "{ior} {cos}: {} instead of {series}",
             s.pdf_w
         );
     }

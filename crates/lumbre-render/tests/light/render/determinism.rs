@@ -9,7 +9,9 @@ use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::sampler::{SAMPLERS, SOBOL};
 use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 
-use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
+use crate::common::{
+    SceneBuilder, WHITE, grey, job, light, render, render_waves, timed_job, timing,
+};
 
 fn scene() -> Arc<CompiledScene> {
     SceneBuilder::new(Vec3::new(0.0, 0.0, 0.95), Vec3::ZERO, 60.0)
@@ -159,4 +161,15 @@ fn films_of_sample_ranges_sum_to_the_film_of_all_samples() {
             }
         }
     }
+}
+
+#[test]
+fn a_timed_film_that_was_looked_at_between_waves_has_all_samples() {
+    let timed = timed_job("nee", timing(0.0, 0.5, 20), [8, 8], 3, 5);
+    let mut looked_at = render_waves(&scene(), timed.clone(), &[2]);
+    let early = looked_at.film().clone();
+    looked_at.advance(3).unwrap();
+    let whole = render_waves(&scene(), timed, &[5]);
+    assert_eq!(looked_at.film(), whole.film());
+    assert_ne!(&early, whole.film());
 }

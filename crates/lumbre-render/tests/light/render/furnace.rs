@@ -2,8 +2,11 @@
 
 use glam::Vec3;
 use lumbre_light::scene::compile::Material;
+use lumbre_light::scene::desc::{ConeDesc, ConeEdge};
+use lumbre_render::Job;
 
 use crate::common::{SceneBuilder, WHITE, grey, job, light, mean_and_error, render};
+use crate::render::agreement::technique;
 
 const EYE: Vec3 = Vec3::new(0.1, 0.2, 0.3);
 
@@ -203,5 +206,39 @@ fn scenes_without_light_or_without_surfaces_are_black() {
                 .iter()
                 .all(|p| *p == [0.0; 3])
         );
+    }
+}
+
+/// A convex body in a constant environment shows its albedo. The spot light shines on nothing, but
+/// takes half of the choices of a light.
+#[test]
+fn an_environment_keeps_its_light_beside_others_if_all_lights_are_sampled() {
+    let away = ConeDesc {
+        beam_deg: 5.0,
+        cutoff_deg: 10.0,
+        edge: ConeEdge::Linear,
+    };
+    let scene = SceneBuilder::new(Vec3::Z * 5.0, Vec3::ZERO, 8.0)
+        .sphere(Vec3::ZERO, 1.0, grey(0.5))
+        .environment(None, Vec3::ONE, 0.0)
+        .spot(Vec3::Y * 9.0, Vec3::Y, Vec3::ONE, away)
+        .build();
+    for name in ["nee", "guided"] {
+        for lights in ["one", "all"] {
+            let pairs = [("lights", lights.into()), ("select", "uniform".into())];
+            let (row, params) = technique(name, &pairs);
+            let job = Job {
+                integrator: row,
+                params,
+                ..job([8, 8], 2, 7)
+            };
+            let (mean, error) = mean_and_error(&render(&scene, job, 256), 1);
+            assert!(error < 0.01, "{name}, {lights}: {error}");
+            let off = (mean - 0.5).abs();
+            assert!(
+                off < 5.0 * error,
+                "{name}, {lights}: {mean} +- {error} instead of 0.5"
+            );
+        }
     }
 }

@@ -294,3 +294,61 @@ fn a_tree_can_be_looked_at_and_its_densities_integrate_to_one() {
     assert!(tree(&technique("nee", &[])).is_none());
     assert!(tree(&technique("sppm", &[])).is_none());
 }
+
+#[test]
+fn light_that_vertices_find_by_their_own_shadow_rays_trains_no_tree() {
+    // Paths leave the floor for nothing: all light comes by shadow rays from its vertices.
+    let floor = || {
+        SceneBuilder::new(Vec3::new(0.2, 0.3, 2.0), Vec3::ZERO, 40.0)
+            .quad(
+                Vec3::new(-2.0, -2.0, 0.0),
+                Vec3::X * 4.0,
+                Vec3::Y * 4.0,
+                grey(0.5),
+            )
+            .point(Vec3::new(0.5, 0.5, 1.0), Vec3::ONE)
+    };
+    let sky = floor().environment(None, Vec3::ONE, 0.0);
+    for (scene, guides) in [(floor().build(), false), (sky.build(), true)] {
+        for name in GUIDED {
+            let tree = GuidingTree::train(&scene, &job_of(&trained_as(name, 8, 40.0), 8, 4));
+            let size = tree.unwrap().unwrap().size();
+            assert_eq!(size.guiding > 0, guides, "{name}: {size:?}");
+        }
+    }
+}
+
+/// The first four numbers of the Sobol sequence for a pixel's columns are two in either half of the
+/// pixel. Training iterations of one and of three samples have sequences of their own: in half of all
+/// pixels their halves differ.
+#[test]
+fn training_iterations_have_seeds_of_their_own() {
+    let side = 8;
+    let half = 1.0 / side as f32;
+    // The left half of every pixel emits.
+    let stripes = (0..side).fold(
+        SceneBuilder::new(Vec3::Z, Vec3::ZERO, 90.0),
+        |scene, column| {
+            let left = -1.0 + 2.0 * half * column as f32;
+            scene.quad(
+                Vec3::new(left, -1.0, 0.0),
+                Vec3::X * half,
+                Vec3::Y * 2.0,
+                light(1.0),
+            )
+        },
+    );
+    let scene = stripes.build();
+    let even = |technique: &Technique| {
+        let job = Job {
+            sampler: SOBOL,
+            ..job_of(technique, side, 2)
+        };
+        let film = render(&scene, job, 4);
+        film.sum.iter().filter(|sum| sum[1] == 2.0).count()
+    };
+    assert_eq!(even(&technique("nee", &[])), 64);
+    let trained = even(&trained(4, 1000.0));
+    // Five standard deviations of a binomial distribution.
+    assert!((12..=52).contains(&trained), "{trained} of 64 pixels");
+}

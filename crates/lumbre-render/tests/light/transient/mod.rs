@@ -9,4 +9,5 @@
 
 mod arrival;
 pub mod composed;
+mod media;
 mod mitransient;

@@ -324,3 +324,28 @@ fn select<const N: usize>(numbers: &[f64], indices: &[u32]) -> Vec<[f64; N]> {
     };
     indices.iter().filter_map(element).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn triangles_of_lists_strips_and_fans_face_one_side() {
+        let zigzag: Vec<[f64; 2]> = (0..6).map(|i| [f64::from(i), -f64::from(i % 2)]).collect();
+        let around = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [-1.0, 1.0]];
+        let cases: [(u64, &[[f64; 2]], &[u32], usize); 3] = [
+            (4, &zigzag, &[0, 1, 2, 1, 3, 2], 2),
+            (5, &zigzag, &[0, 1, 2, 3, 4, 5], 4),
+            (6, &around, &[0, 1, 2, 3, 4], 3),
+        ];
+        for (mode, points, indices, count) in cases {
+            let found = triangles(mode, indices);
+            assert_eq!(found.len(), count, "mode {mode}");
+            for t in found {
+                let [a, b, c] = t.map(|i| points[i as usize]);
+                let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+                assert!(area > 0.0, "mode {mode}, triangle {t:?}");
+            }
+        }
+    }
+}

@@ -96,6 +96,41 @@ mod tests {
     use super::*;
 
     #[test]
+    fn every_cached_vertex_is_drawn_equally_often() {
+        let counts = StrategyCounts::ONE_EACH;
+        for vertices in [1u32, 2, 3, 7] {
+            let cached = |index| CachedVertex {
+                id: VertexId::new(0, index),
+                edges: 1,
+            };
+            let all: Vec<CachedVertex> = (0..vertices).map(cached).collect();
+            let cache = LightVertexCache::new(LightPaths::none(), counts, 1, all);
+            for count in [1, 4] {
+                let steps = 84;
+                let mut drawn = vec![0; vertices as usize];
+                for i in 0..steps {
+                    let u = (i as f32 + 0.5) / steps as f32;
+                    for vertex in cache.draw([u, 0.5], count) {
+                        drawn[vertex.id.index()] += 1;
+                    }
+                }
+                // Steps and vertices divide: no rounding is left.
+                let each = steps * count / vertices;
+                assert!(
+                    drawn.iter().all(|n| *n == each),
+                    "{drawn:?}, expected {each} each"
+                );
+            }
+            // The greatest numbers below 1.
+            let most = 1.0 - f32::EPSILON / 2.0;
+            let last = cache.draw([most, most], 1).next().unwrap();
+            assert_eq!(last.id.index() as u32, vertices - 1);
+        }
+        let none = LightVertexCache::new(LightPaths::none(), counts, 1, Vec::new());
+        assert_eq!(none.draw([0.5; 2], 4).count(), 0);
+    }
+
+    #[test]
     fn candidates_are_chosen_in_proportion_to_their_targets() {
         let targets = [0.0, 1.0, 0.0, 3.0, 0.0];
         let chosen = |choice| choose(targets.into_iter(), choice);

@@ -243,3 +243,36 @@ fn training_iterations_double_and_use_all_paths() {
         assert_eq!(schedule(training).iter().sum::<u64>(), training);
     }
 }
+
+#[test]
+fn vertices_train_the_leaves_on_all_sides_of_them() {
+    let limits = Limits {
+        vertices: 100.0,
+        bytes: u64::MAX,
+    };
+    let one = SdTree::new([Vec3::ZERO, Vec3::ONE]);
+    let eight = one.refined(&filled(&one, 800), &limits);
+    // The middle of the cube is a corner of all eight leaves; a leaf's own middle is in it alone.
+    for (point, expected) in [(Vec3::splat(0.5), 500.0), (Vec3::splat(0.25), 0.0)] {
+        let mut counts = [0.0; 8];
+        for i in 0..4000 {
+            let numbers = [number(3 * i), number(3 * i + 1), number(3 * i + 2)];
+            counts[eight.leaf_near(point, numbers) as usize] += 1.0;
+        }
+        let own = eight.leaf_at(point) as usize;
+        for (leaf, count) in counts.into_iter().enumerate() {
+            let expected = if expected == 0.0 && leaf == own {
+                4000.0
+            } else {
+                expected
+            };
+            // Five standard deviations of a binomial distribution.
+            let margin = 5.0 * (expected * (1.0 - expected / 4000.0) + 1e-9f64).sqrt();
+            let off: f64 = count - expected;
+            assert!(
+                off.abs() <= margin,
+                "{point}, leaf {leaf}: {count}, expected {expected}"
+            );
+        }
+    }
+}

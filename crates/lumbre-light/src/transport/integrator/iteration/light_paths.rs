@@ -221,6 +221,16 @@ impl LightPaths {
         }
     }
 
+    /// Returns no subpaths.
+    #[cfg(test)]
+    pub fn none() -> LightPaths {
+        LightPaths {
+            count: 0,
+            tables: Vec::new(),
+            stores: Vec::new(),
+        }
+    }
+
     /// Returns the number of subpaths.
     pub fn count(&self) -> u64 {
         self.count
