@@ -172,6 +172,13 @@ fn parse_block(text: &str) -> Result<Vec<Piece>, String> {
         if right == wrong {
             return Err(format!("a mark changes nothing: `{right}`"));
         }
+        let before = match block.last() {
+            Some(Piece::Kept(code)) => code.trim_end(),
+            _ => "",
+        };
+        if before.ends_with('.') || [&right, &wrong].iter().any(|code| code.starts_with('.')) {
+            return Err(format!("a mark is no whole expression: `{right}`"));
+        }
         block.extend([Piece::Mark { right, wrong }, Piece::Kept(after.to_owned())]);
     }
     Ok(block)

@@ -12,19 +12,27 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use list::{Bug, TestCall};
+use list::Bug;
 use trial::{End, Trials};
 
-/// Test binaries of the product, quickest first; `--all` runs them in this order.
-const ALL: [&str; 8] = [
-    "lumbre",
-    "lumbre_metrics",
-    "lumbre_light",
-    "lumbre_render",
-    "lumbre_vulkan",
-    "library",
-    "program",
-    "light",
+/// Sources of crates, as starts of paths.
+const LIGHT: &str = "crates/lumbre-light/";
+const METRICS: &str = "crates/lumbre-metrics/";
+const RENDER: &str = "crates/lumbre-render/";
+const VULKAN: &str = "crates/lumbre-vulkan/";
+
+/// Test binaries with starts of paths of the sources that they are built from, quickest first.
+/// `--all` runs them in this order.
+const ALL: [(&str, &[&str]); 9] = [
+    ("lumbre", &[""]),
+    ("lumbre_metrics", &[LIGHT, METRICS]),
+    ("lumbre_light", &[LIGHT]),
+    ("lumbre_render", &[LIGHT, RENDER]),
+    ("lumbre_vulkan", &[LIGHT, RENDER, VULKAN]),
+    ("library", &[""]),
+    ("program", &[""]),
+    ("light", &[LIGHT, RENDER]),
+    ("device", &[""]),
 ];
 
 /// Options of the chore.
@@ -92,7 +100,9 @@ pub fn run(args: &Args) -> Result<(), String> {
         let start = Instant::now();
         // Tests rewrite generated files that a bug changes.
         tree::write(&planted)?;
-        let verdict = try_bug(args, &mut trials, bug)?;
+        let own = edits.iter().filter(|edit| bugs[edit.bug].name == bug.name);
+        let paths: Vec<&str> = own.map(|edit| sources[edit.source].path.as_str()).collect();
+        let verdict = try_bug(args, &mut trials, bug, &paths)?;
         let seconds = start.elapsed().as_secs_f64();
         caught += u32::from(matches!(verdict, Verdict::Caught(_)));
         if verdict.disagrees(bug) {
@@ -139,25 +149,31 @@ fn print_bug(bug: &Bug) {
     bug.caught.iter().for_each(|call| println!("  {call}"));
 }
 
-/// Runs the tests of a bug until one fails.
-fn try_bug(args: &Args, trials: &mut Trials, bug: &Bug) -> Result<Verdict, String> {
-    let mut calls = bug.caught.clone();
-    if args.all {
-        let more = ALL.iter().filter(|name| trials.has(name));
-        calls.extend(more.map(|name| TestCall {
-            binary: (*name).to_owned(),
-            filters: Vec::new(),
-        }));
-    }
-    for call in &calls {
-        let (end, time) = trials.without_bug(call)?;
-        if end != End::Passed {
-            let how = format!("without the bug {}", end.describe(call));
+/// Runs the tests of a bug until one fails. `paths` are those of the sources that it changes.
+fn try_bug(args: &Args, trials: &mut Trials, bug: &Bug, paths: &[&str]) -> Result<Verdict, String> {
+    for call in &bug.caught {
+        let (without, time) = trials.without_bug(call)?;
+        if without != End::Passed {
+            let how = format!("without the bug {}", without.describe(call));
             return Ok(Verdict::Unclear(how));
         }
         let end = trials.with_bug(call, bug, time)?;
         if end != End::Passed {
             return Ok(Verdict::Caught(end.describe(call)));
+        }
+    }
+    let is_built_from = |starts: &[&str]| {
+        let mut all = paths
+            .iter()
+            .flat_map(|path| starts.iter().map(move |s| (path, s)));
+        all.any(|(path, start)| path.starts_with(start))
+    };
+    let others = ALL
+        .iter()
+        .filter(|(_, starts)| args.all && is_built_from(starts));
+    for (binary, _) in others {
+        if let Some(how) = trials.find_failure(binary, bug)? {
+            return Ok(Verdict::Caught(how));
         }
     }
     Ok(Verdict::Missed)

@@ -221,7 +221,7 @@ pub fn planted(bugs: &[Bug], sources: &[Source], edits: &[Edit]) -> BTreeMap<Str
 }
 
 impl Tokens {
-    /// Splits a text.
+    /// Splits a text. A comma at its end is left out, since a closing bracket may follow.
     fn of(text: &str) -> Self {
         let mut places = Vec::new();
         let mut line_start = 0;
@@ -234,7 +234,7 @@ impl Tokens {
         let is = |place: &Range<usize>, chars: &str| chars.contains(&text[place.clone()]);
         let kept = (0..places.len())
             .filter(|i| {
-                let closes = places.get(i + 1).is_some_and(|next| is(next, ")]}"));
+                let closes = places.get(i + 1).is_none_or(|next| is(next, ")]}"));
                 !(closes && is(&places[*i], ","))
             })
             .map(|i| places[i].clone())

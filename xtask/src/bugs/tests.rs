@@ -58,6 +58,10 @@ fn incomplete_entries_are_refused_with_their_name() {
             "== a\nkind: sign\ncaught: nothing\n⟦b → b⟧",
             "changes nothing",
         ),
+        (
+            "== a\nkind: sign\ncaught: nothing\nx.⟦b() → c()⟧",
+            "no whole expression",
+        ),
         ("== A b\nkind: sign\ncaught: nothing\n⟦b → c⟧", "lower-case"),
     ];
     for (text, expected) in cases {
@@ -124,4 +128,6 @@ fn blocks_that_are_missing_ambiguous_or_overlapping_are_refused() {
 fn formatting_and_comments_do_not_matter() {
     let source = "a(\n    b, // kept\n    // reworded\n    c,\n)";
     assert!(plant(&entry("x", "a(b, // kept\nc) ⟦→ ;⟧"), source).is_ok());
+    // The comma before the bracket is not compared, so it may be the end of a block.
+    assert!(plant(&entry("x", "⟦c → d⟧,"), source).is_ok());
 }

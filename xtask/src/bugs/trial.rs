@@ -50,11 +50,6 @@ impl Trials {
         }
     }
 
-    /// Returns whether there is a binary of this name.
-    pub fn has(&self, name: &str) -> bool {
-        self.binaries.contains_key(name)
-    }
-
     /// Checks that calls name binaries, and that each filter selects a test.
     ///
     /// # Errors
@@ -111,6 +106,40 @@ impl Trials {
     pub fn with_bug(&self, call: &TestCall, bug: &Bug, time: Duration) -> Result<End, String> {
         let limit = (time * LIMIT_FACTOR).max(SHORTEST_LIMIT);
         Ok(self.execute(call, Some(bug), limit)?.0)
+    }
+
+    /// Runs all tests of a binary with a bug, and returns how the first test fails that passes
+    /// without it, also when it is run alone. `None` if there is no such test or no such binary.
+    ///
+    /// # Errors
+    /// Returns a message if the binary cannot be started.
+    pub fn find_failure(&mut self, binary: &str, bug: &Bug) -> Result<Option<String>, String> {
+        if !self.binaries.contains_key(binary) {
+            return Ok(None);
+        }
+        let call = |filters| TestCall {
+            binary: binary.to_owned(),
+            filters,
+        };
+        let all = call(Vec::new());
+        let (without, time) = self.without_bug(&all)?;
+        let failed = match self.with_bug(&all, bug, time)? {
+            End::Passed => return Ok(None),
+            End::Failed(tests) if !tests.is_empty() => tests,
+            end => return Ok((without == End::Passed).then(|| end.describe(&all))),
+        };
+        for test in failed {
+            let alone = call(vec![test]);
+            let (without, time) = self.without_bug(&alone)?;
+            if without != End::Passed {
+                continue;
+            }
+            let end = self.with_bug(&alone, bug, time)?;
+            if end != End::Passed {
+                return Ok(Some(end.describe(&alone)));
+            }
+        }
+        Ok(None)
     }
 
     /// Runs tests to their end or to the limit on their time.
