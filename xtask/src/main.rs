@@ -7,6 +7,8 @@
 )]
 
 mod bench;
+#[cfg(unix)]
+mod bugs;
 mod command;
 #[cfg(unix)]
 mod fuzz;
@@ -37,6 +39,9 @@ struct Args {
 enum Chore {
     /// Measure the program itself: overheads of a night, loading, metrics, dashboard
     Bench(bench::Args),
+    /// Plant bugs in a copy of the code, and show which tests catch them
+    #[cfg(unix)]
+    Bugs(bugs::Args),
     /// Feed changed files to every reader, and count what it accepted and what it reached
     #[cfg(unix)]
     Fuzz(fuzz::Args),
@@ -61,6 +66,8 @@ enum Chore {
 fn main() -> ExitCode {
     let done = match Args::parse().chore {
         Chore::Bench(args) => bench::run(&args),
+        #[cfg(unix)]
+        Chore::Bugs(args) => bugs::run(&args),
         #[cfg(unix)]
         Chore::Fuzz(args) => fuzz::run(&args),
         Chore::Inlining => inlining::run(),

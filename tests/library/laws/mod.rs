@@ -4,6 +4,7 @@
 
 #[cfg(feature = "vulkan")]
 mod backends;
+mod bugs;
 mod circles;
 mod dependencies;
 mod documents;
