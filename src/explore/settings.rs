@@ -65,8 +65,8 @@ impl SceneFacts {
             max_depth: 1,
             camera: self.camera.clone(),
             views: self.views.clone(),
-            materials: Vec::new(),
-            entities: Vec::new(),
+            materials: Default::default(),
+            entities: Default::default(),
             lights: Vec::new(),
             environment: None,
         };

@@ -67,8 +67,8 @@ fn scene() -> Arc<SceneDesc> {
         resolution: [8, 8],
         max_depth: 5,
         camera,
-        materials: vec![],
-        entities: vec![],
+        materials: Default::default(),
+        entities: Default::default(),
         lights: vec![],
         environment: None,
     })

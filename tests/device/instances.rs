@@ -131,8 +131,8 @@ fn balls(count: u32, rows: u32) -> CompiledScene {
         resolution: [32, 24],
         max_depth: 4,
         camera,
-        materials,
-        entities,
+        materials: materials.into(),
+        entities: entities.into(),
         lights: vec![],
         environment: Some(EnvironmentDesc {
             source: EnvironmentSource::Color(Vec3::splat(0.2)),

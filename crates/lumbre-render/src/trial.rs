@@ -385,8 +385,8 @@ fn scene(
             ..CameraDesc::default()
         },
         views: vec![],
-        materials,
-        entities,
+        materials: materials.into(),
+        entities: entities.into(),
         lights: vec![],
         environment: None,
     };

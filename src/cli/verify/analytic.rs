@@ -300,8 +300,8 @@ fn scene(
             optics: Optics::pinhole(fov_deg),
             ..CameraDesc::default()
         },
-        materials,
-        entities,
+        materials: materials.into(),
+        entities: entities.into(),
         lights: Vec::new(),
         environment: None,
     }

@@ -15,7 +15,7 @@ use crate::script::kind::kind;
 use crate::script::state::{Purpose, Shared};
 use crate::script::strict::{self, Fields};
 use lumbre_light::scene::desc::{
-    EntityDesc, LightDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, mesh_hash,
+    CowVec, EntityDesc, LightDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, mesh_hash,
 };
 use lumbre_light::scene::{load, shape};
 use lumbre_light::value::Value;
@@ -135,7 +135,7 @@ fn rename_materials(
 /// this scene with the same name replaces the file's; `replacement` replaces all of them.
 fn adopt_materials(
     builder: &mut SceneBuilder,
-    materials: Vec<MaterialDesc>,
+    materials: CowVec<MaterialDesc>,
     prefix: &str,
     replacement: Option<&str>,
 ) -> BTreeMap<String, String> {

@@ -34,8 +34,8 @@ fn scene() -> SceneDesc {
             optics: Optics::pinhole(40.0),
             ..CameraDesc::default()
         },
-        materials: Vec::new(),
-        entities: Vec::new(),
+        materials: Default::default(),
+        entities: Default::default(),
         lights: Vec::new(),
         environment: None,
     }

@@ -219,14 +219,15 @@ pub fn load_scene(file: &Path) -> LoadedScene {
             focus_distance: None,
             ..CameraDesc::default()
         },
-        materials: vec![egg],
+        materials: vec![egg].into(),
         entities: vec![EntityDesc {
             name: "ball".into(),
             transform: Transform::default(),
             material: Some("egg".into()),
             anisotropic_direction: None,
             shape: ShapeDesc::Sphere { radius: 1.0 },
-        }],
+        }]
+        .into(),
         lights: vec![],
         environment: None,
     };

@@ -177,7 +177,7 @@ pub(super) fn gallery(materials: Vec<MaterialDesc>) -> SceneDesc {
         scale: 0.5,
         sampling: Default::default(),
     });
-    desc.materials = materials;
+    desc.materials = materials.into();
     desc
 }
 

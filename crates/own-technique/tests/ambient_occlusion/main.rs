@@ -54,8 +54,8 @@ fn inside_a_sphere() -> Arc<CompiledScene> {
             ..CameraDesc::default()
         },
         views: vec![],
-        materials: vec![wall],
-        entities: vec![sphere],
+        materials: vec![wall].into(),
+        entities: vec![sphere].into(),
         lights: vec![],
         environment: None,
     };

@@ -64,8 +64,8 @@ fn two_spheres() -> Arc<CompiledScene> {
             ..CameraDesc::default()
         },
         views: vec![],
-        materials: vec![material("wall", 0.0), material("light", 5.0)],
-        entities: vec![sphere("wall", -0.6, 1.0), sphere("light", 0.9, 0.4)],
+        materials: vec![material("wall", 0.0), material("light", 5.0)].into(),
+        entities: vec![sphere("wall", -0.6, 1.0), sphere("light", 0.9, 0.4)].into(),
         lights: vec![],
         environment: None,
     };

@@ -361,8 +361,8 @@ mod tests {
                 target: Vec3::ZERO,
                 ..CameraDesc::default()
             },
-            materials: vec![],
-            entities: vec![],
+            materials: Default::default(),
+            entities: Default::default(),
             lights: lights.into_iter().enumerate().map(named).collect(),
             environment,
         }

@@ -320,8 +320,8 @@ mod tests {
             resolution: [1, 1],
             max_depth: 1,
             camera,
-            materials,
-            entities: vec![],
+            materials: materials.into(),
+            entities: Default::default(),
             lights: vec![],
             environment: None,
         }

@@ -137,14 +137,16 @@ mod tests {
             materials: vec![MaterialDesc {
                 anisotropic,
                 ..MaterialDesc::new("m")
-            }],
+            }]
+            .into(),
             entities: vec![EntityDesc {
                 name: "quad".to_owned(),
                 transform: Transform::default(),
                 material: None,
                 anisotropic_direction: None,
                 shape: ShapeDesc::Mesh(Arc::new(mesh)),
-            }],
+            }]
+            .into(),
             lights: vec![],
             environment: None,
         }

@@ -326,11 +326,12 @@ mod tests {
                 target: Vec3::ZERO,
                 ..CameraDesc::default()
             },
-            materials: vec![MaterialDesc::new("m"), MaterialDesc::new("n")],
+            materials: vec![MaterialDesc::new("m"), MaterialDesc::new("n")].into(),
             entities: vec![
                 entity("a", ShapeDesc::Mesh(Arc::new(mesh()))),
                 entity("s", ShapeDesc::Sphere { radius: 1.0 }),
-            ],
+            ]
+            .into(),
             lights: vec![],
             environment: None,
         }

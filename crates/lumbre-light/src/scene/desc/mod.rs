@@ -5,6 +5,7 @@
 //! environment. [`content_hash`] identifies the picture that a description produces.
 
 mod camera;
+mod cow_vec;
 pub mod delay;
 mod hash;
 pub mod light;
@@ -24,6 +25,7 @@ use glam::{Affine3A, DAffine3, DMat3, Vec2, Vec3, Vec4};
 pub use camera::{
     CAMERA_KIND_NAMES, CAMERA_KINDS, CameraDesc, CameraKind, Optics, VIEW_HEIGHT_RANGE,
 };
+pub use cow_vec::CowVec;
 pub use delay::{DelayDesc, DelayKind};
 pub use hash::{content_hash, mesh_hash, texture_hash};
 pub use light::{
@@ -63,9 +65,9 @@ pub struct SceneDesc {
     /// Other cameras by name. Setting `camera` to a name makes that view the camera.
     pub views: Vec<(String, CameraDesc)>,
     /// Materials. Faces that name none, or an unknown one, use the first.
-    pub materials: Vec<MaterialDesc>,
+    pub materials: CowVec<MaterialDesc>,
     /// Objects with a shape.
-    pub entities: Vec<EntityDesc>,
+    pub entities: CowVec<EntityDesc>,
     /// Lights without a surface.
     pub lights: Vec<LightDesc>,
     /// Light from outside the scene; `None` is black.

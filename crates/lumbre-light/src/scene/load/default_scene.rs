@@ -35,8 +35,8 @@ pub fn scene(path: &Path, mesh: MeshDesc, materials: Vec<MaterialDesc>) -> Scene
         resolution: scn::DEFAULT_RESOLUTION,
         max_depth: scn::DEFAULT_MAX_DEPTH,
         camera: framing_camera(bounds(&entities)),
-        materials,
-        entities,
+        materials: materials.into(),
+        entities: entities.into(),
         lights: Vec::new(),
         environment: None,
     }

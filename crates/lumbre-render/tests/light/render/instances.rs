@@ -123,8 +123,8 @@ pub fn desc(materials: Vec<MaterialDesc>, entities: Vec<EntityDesc>) -> SceneDes
             focus_distance: None,
             ..CameraDesc::default()
         },
-        materials,
-        entities,
+        materials: materials.into(),
+        entities: entities.into(),
         lights: vec![],
         environment: None,
     }

@@ -258,7 +258,7 @@ fn octahedra(mesh: Arc<MeshDesc>, kind: ShadingNormals, maps: bool, count: u32) 
             ..CameraDesc::default()
         },
         views: vec![],
-        materials: vec![first, MaterialDesc::new("other")],
+        materials: vec![first, MaterialDesc::new("other")].into(),
         entities: (0..count).map(entity).collect(),
         lights: vec![],
         environment: Some(EnvironmentDesc {

@@ -91,8 +91,9 @@ pub fn mesh_with_second_uvs(
         materials: vec![MaterialDesc {
             name: "m".to_owned(),
             ..material
-        }],
-        entities: vec![entity],
+        }]
+        .into(),
+        entities: vec![entity].into(),
         lights: vec![],
         environment: None,
     };
@@ -458,13 +459,13 @@ fn vertex_colours_multiply_the_base_colour_of_their_own_mesh() {
     m.set_texture(TextureSlot::BaseColor, Some(texel([0.5, 1.0, 0.25])));
     let base = Vec3::new(0.4, 0.4, 0.25);
     let plain = mesh(&SQUARE, &[], &[], MaterialDesc::new("m"));
-    let desc = |entities| SceneDesc {
+    let desc = |entities: Vec<EntityDesc>| SceneDesc {
         views: Vec::new(),
         resolution: [8, 8],
         max_depth: 3,
         camera: plain.camera.clone(),
-        materials: vec![m.clone()],
-        entities,
+        materials: vec![m.clone()].into(),
+        entities: entities.into(),
         lights: vec![],
         environment: None,
     };

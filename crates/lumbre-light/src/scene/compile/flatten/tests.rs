@@ -35,7 +35,7 @@ fn scene(shapes: Vec<(ShapeDesc, Transform)>, material: MaterialDesc) -> SceneDe
             optics: Optics::pinhole(45.0),
             ..CameraDesc::default()
         },
-        materials: vec![material],
+        materials: vec![material].into(),
         entities: shapes
             .into_iter()
             .enumerate()

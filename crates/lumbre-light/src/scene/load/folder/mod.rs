@@ -197,8 +197,8 @@ impl FolderLoader<'_> {
             resolution,
             max_depth: scn::DEFAULT_MAX_DEPTH,
             camera,
-            materials,
-            entities,
+            materials: materials.into(),
+            entities: entities.into(),
             lights,
             environment,
         })

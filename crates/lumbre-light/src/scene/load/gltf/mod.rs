@@ -87,8 +87,8 @@ pub(super) fn load(
         resolution: scn::DEFAULT_RESOLUTION,
         max_depth: scn::DEFAULT_MAX_DEPTH,
         camera,
-        materials: loader.materials,
-        entities: loader.entities,
+        materials: loader.materials.into(),
+        entities: loader.entities.into(),
         lights: loader.lights,
         environment: None,
     };

@@ -164,8 +164,8 @@ impl MitsubaLoader {
             resolution,
             max_depth,
             camera,
-            materials: self.materials.into_vec(),
-            entities: self.entities,
+            materials: self.materials.into_vec().into(),
+            entities: self.entities.into(),
             lights: self.lights,
             environment: self.environment,
         };

@@ -264,8 +264,8 @@ impl Loader {
             resolution,
             max_depth: self.max_depth.saturating_add(1).min(MAX_EDGES),
             camera,
-            materials: self.materials.into_vec(),
-            entities: self.entities,
+            materials: self.materials.into_vec().into(),
+            entities: self.entities.into(),
             lights: self.lights,
             environment: self.environment,
         };

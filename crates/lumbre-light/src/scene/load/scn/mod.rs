@@ -153,8 +153,8 @@ fn scene(json: &Json, diagnostics: &mut Diagnostics) -> Result<SceneDesc, SceneE
         resolution,
         max_depth,
         camera,
-        materials,
-        entities: entities.list,
+        materials: materials.into(),
+        entities: entities.list.into(),
         lights,
         environment,
     };

@@ -40,8 +40,9 @@ fn materials() -> CompiledScene {
         views: Vec::new(),
         materials: [None, Some(MaskMode::Threshold), Some(MaskMode::Blend)]
             .map(material)
-            .to_vec(),
-        entities: Vec::new(),
+            .into_iter()
+            .collect(),
+        entities: Default::default(),
         lights: Vec::new(),
         environment: None,
     };
