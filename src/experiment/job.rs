@@ -31,6 +31,7 @@ impl CellConfig {
             seed: 0,
             first_sample: 0,
             threads,
+            view: None,
         })
     }
 }

@@ -220,14 +220,14 @@ impl Explorer {
             .state
             .target()
             .filter(|target| view.request == target.request);
-        if let (Some(target), Some(scene), Some(run)) = (target, &view.scene, &view.run)
+        if let (Some(target), Some(scene), Some(job)) = (target, &view.scene, &view.job)
             && self.asked != Some(target)
         {
             self.asked = Some(target);
             self.inspections.ask(Query {
                 target,
                 scene: Arc::clone(scene),
-                run: Arc::clone(run),
+                job: Arc::clone(job),
             });
         }
         let found = self.inspections.take();

@@ -7,7 +7,6 @@ use glam::Vec3;
 
 use super::session::{LoadedScene, Slot};
 use lumbre_light::scene::compile::NONE;
-use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::transport::bsdf::Bsdf;
 use lumbre_light::transport::surface::Surface;
 use lumbre_render::Job;
@@ -46,8 +45,8 @@ pub struct Query {
     pub target: Target,
     /// Scene in which the pixel is inspected.
     pub scene: Arc<LoadedScene>,
-    /// Camera and job of the picture.
-    pub run: Arc<(CameraDesc, Job)>,
+    /// Job of the picture, with its camera.
+    pub job: Arc<Job>,
 }
 
 /// The surface at the centre of a pixel.
@@ -86,7 +85,7 @@ pub struct Inspection {
 
 /// Finds out about a pixel. The picture is not affected.
 pub fn inspect(query: &Query) -> Inspection {
-    let Query { target, scene, run } = query;
+    let Query { target, scene, job } = query;
     let mut found = Inspection {
         target: *target,
         surface: None,
@@ -97,7 +96,7 @@ pub fn inspect(query: &Query) -> Inspection {
     let Some(prepared) = &scene.prepared else {
         return found;
     };
-    let (camera, job) = &**run;
+    let camera = job.camera(prepared.scene());
     let (ray, hit) = prepared.center_hit(camera, job.resolution, target.pixel);
     found.surface = hit.map(|hit| {
         let compiled = prepared.scene();
@@ -132,7 +131,7 @@ pub fn inspect(query: &Query) -> Inspection {
         pixel: target.pixel,
         sample: target.sample,
     };
-    let events = prepared.paths(camera, job, &[sample]).pop();
+    let events = prepared.paths(job, &[sample]).pop();
     let events = events.unwrap_or_default();
     found.rays = events
         .iter()

@@ -45,7 +45,7 @@ use lumbre_light::film::time::TimeCube;
 use lumbre_light::film::{Film, SharedImage};
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::SceneMemory;
-use lumbre_light::scene::desc::Model;
+use lumbre_light::scene::desc::{CameraDesc, Model};
 use lumbre_light::transport::camera::FilterSpec;
 use lumbre_light::transport::integrator::IntegratorRow;
 use lumbre_light::transport::path_time::Timing;
@@ -89,6 +89,18 @@ pub struct Job {
     pub first_sample: u64,
     /// Number of render threads; 0 means one for each core. Never changes the picture.
     pub threads: usize,
+    /// View that replaces the scene's own; `None` renders the scene's camera.
+    pub view: Option<View>,
+}
+
+/// A view of a compiled scene through another camera, so that runs that differ in their camera
+/// share the scene and its hierarchy.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct View {
+    /// The camera, compiled by [`compile_camera`](lumbre_light::scene::compile::compile_camera).
+    pub camera: CameraDesc,
+    /// Content hash of the scene with this camera.
+    pub content_hash: [u8; 32],
 }
 
 impl Job {
@@ -115,7 +127,15 @@ impl Job {
             seed,
             first_sample: 0,
             threads: 0,
+            view: None,
         }
+    }
+
+    /// Returns the camera that renders a scene.
+    pub fn camera<'a>(&'a self, scene: &'a CompiledScene) -> &'a CameraDesc {
+        self.view
+            .as_ref()
+            .map_or(&scene.camera, |view| &view.camera)
     }
 }
 

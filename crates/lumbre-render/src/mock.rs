@@ -76,11 +76,13 @@ pub struct MockRenderer {
 }
 
 impl MockRenderer {
-    /// Starts a run of `job`. Only the content hash of the scene is used: it shifts the pattern, so
-    /// that different scenes give different pictures.
+    /// Starts a run of `job`. Only the content hash of the scene with the job's camera is used: it
+    /// shifts the pattern, so that different scenes give different pictures.
     pub fn new(scene: Arc<CompiledScene>, job: Job) -> MockRenderer {
         let [width, height] = job.resolution;
-        let phase = f64::from(scene.content_hash[0]) / 256.0;
+        let view = job.view.as_ref();
+        let content_hash = view.map_or(scene.content_hash, |view| view.content_hash);
+        let phase = f64::from(content_hash[0]) / 256.0;
         let light = 1.0 - 0.5f64.powi(job.max_depth.min(64) as i32);
         let pixels = || (0..height).flat_map(move |y| (0..width).map(move |x| (x, y)));
         let truth = |(x, y): (u32, u32)| {

@@ -17,7 +17,6 @@ use std::time::Instant;
 use super::settings::{Limits, SceneFacts, SceneFile};
 use lumbre_light::film::layer::LayerImage;
 use lumbre_light::film::{Image, SharedImage};
-use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::scene::load::MissingTextures;
 use lumbre_light::value::Value;
 use lumbre_render::Job;
@@ -166,8 +165,8 @@ pub struct SlotView {
     pub first_picture_s: Option<f64>,
     /// Description of the device that renders.
     pub device: String,
-    /// Camera and job of the request.
-    pub run: Option<Arc<(CameraDesc, Job)>>,
+    /// Job of the request, with its camera.
+    pub job: Option<Arc<Job>>,
     /// The scene of the request, with the hierarchy if the CPU renders it.
     pub scene: Option<Arc<LoadedScene>>,
 }

@@ -166,7 +166,7 @@ impl Worker {
                 opened.map(|opened| {
                     self.shared.publish(slot, |view| {
                         view.scene = Some(Arc::clone(&opened.scene));
-                        view.run = Some(Arc::new((opened.camera.clone(), opened.job.clone())));
+                        view.job = Some(Arc::new(opened.job.clone()));
                         view.device = opened.renderer.open_stats().device_line();
                         view.status = Status::Rendering;
                     });
@@ -264,7 +264,7 @@ impl Worker {
         };
         let (newest, number) = (&self.shared.newest[slot], run.number);
         let abandoned = || newest.load(Ordering::SeqCst) != number;
-        let Ok(mut coarse) = prepared.open(&opened.camera, job) else {
+        let Ok(mut coarse) = prepared.open(job) else {
             return;
         };
         if coarse.advance_or_abandon(1, &abandoned).is_err() {

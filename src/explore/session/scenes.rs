@@ -9,14 +9,14 @@ use crate::backends;
 use crate::experiment::CellConfig;
 use crate::explore::settings::{SceneFacts, SceneFile, is_camera_change};
 use crate::script;
-use lumbre_light::scene::compile::compile_sharing;
-use lumbre_light::scene::desc::{CameraDesc, SceneDesc};
+use lumbre_light::scene::compile::{compile_camera, compile_sharing};
+use lumbre_light::scene::desc::SceneDesc;
 use lumbre_light::scene::{CompiledScene, desc, edit};
 use lumbre_light::transport::integrator::external::is_external;
 use lumbre_light::value::Value;
 use lumbre_render::cpu;
 use lumbre_render::cpu::prepared_scene::PreparedScene;
-use lumbre_render::{Job, Renderer};
+use lumbre_render::{Job, Renderer, View};
 
 /// Number of scenes that are kept: one for each picture.
 const CAPACITY: usize = super::SLOTS;
@@ -42,9 +42,7 @@ pub struct Opened {
     pub scene: Arc<LoadedScene>,
     /// The run in progress.
     pub renderer: Box<dyn Renderer>,
-    /// Camera of the run.
-    pub camera: CameraDesc,
-    /// Job of the run.
+    /// Job of the run, with its camera.
     pub job: Job,
 }
 
@@ -79,6 +77,7 @@ impl Scenes {
         let known = &self.known[index];
         let facts = &known.loaded.facts;
         let camera = facts.camera_with(&camera_changes)?;
+        let camera = compile_camera(&camera, &mut Vec::new()).map_err(|e| e.to_string())?;
         let job = config.job(
             known.compiled.resolution,
             facts.max_depth,
@@ -92,27 +91,26 @@ impl Scenes {
         }
         let job = Job {
             seed: request.seed,
+            view: Some(View {
+                camera,
+                content_hash: known.compiled.content_hash,
+            }),
             ..job
         };
         let renderer: Box<dyn Renderer> = match &known.loaded.prepared {
             Some(prepared) => {
-                let opened = prepared.open(&camera, job.clone());
+                let opened = prepared.open(job.clone());
                 Box::new(opened.map_err(|e| e.to_string())?)
             }
             None => {
-                // Other backends copy the scene to a device for each run.
-                let scene = CompiledScene {
-                    camera: camera.clone(),
-                    ..(*known.compiled).clone()
-                };
-                backends::open(&self.options.backend, Arc::new(scene), job.clone())
-                    .map_err(|e| e.to_string())?
+                let scene = Arc::clone(&known.compiled);
+                let opened = backends::open(&self.options.backend, scene, job.clone());
+                opened.map_err(|e| e.to_string())?
             }
         };
         Ok(Opened {
             scene: Arc::clone(&known.loaded),
             renderer,
-            camera,
             job,
         })
     }

@@ -55,9 +55,8 @@ impl GuidingTree {
         job: &Job,
     ) -> Result<Option<GuidingTree>, RenderError> {
         let prepared = PreparedScene::new(Arc::clone(scene), &job.accel, job.threads)?;
-        let begun = prepared.pool.install(|| {
-            PreparedJob::new(&prepared, &scene.camera, job.clone()).begin(u64::MAX, &|| false)
-        });
+        let begin = || PreparedJob::new(&prepared, job.clone()).begin(u64::MAX, &|| false);
+        let begun = prepared.threads.pool.install(begin);
         let Some((shared, rays)) = begun else {
             return Ok(None);
         };
@@ -68,7 +67,7 @@ impl GuidingTree {
         let pixels = (0..height).flat_map(|y| (0..width).map(move |x| [x, y]));
         let regions = pixels
             .map(|pixel| {
-                let (ray, hit) = prepared.center_hit(&scene.camera, job.resolution, pixel);
+                let (ray, hit) = prepared.center_hit(job.camera(scene), job.resolution, pixel);
                 hit.map(|hit| tree.leaf_at(ray.origin + ray.dir * hit.t))
             })
             .collect();

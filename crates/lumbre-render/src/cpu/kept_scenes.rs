@@ -1,29 +1,33 @@
 //! Hierarchies that outlive a run, so that the runs of a night on one scene build each of them
 //! once. A caller that wants this holds a [`SceneKeeper`]; without one, every run builds its own.
+//! Kept hierarchies with the same number of threads share their threads.
 //!
 //! Building is outside the render clock, and traversal only reads a hierarchy, so that neither
 //! pictures nor render times depend on whether it was built for this run.
 
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::prepared_scene::PreparedScene;
+use super::bvh::simd::Isa;
+use super::prepared_scene::{PreparedScene, RenderThreads};
 use super::renderer::CpuRenderer;
 use crate::hierarchy::{AccelSpec, LaneMode};
 use crate::{Job, RenderError};
 use lumbre_light::scene::CompiledScene;
 
-/// Scenes with a keeper, and their prepared forms.
-static KEPT: Mutex<Vec<KeptScene>> = Mutex::new(Vec::new());
+/// Prepared forms of a scene, with the settings of the hierarchy and the number of threads.
+type Prepared = Vec<(AccelSpec, usize, Arc<PreparedScene>)>;
 
-/// A scene with a keeper.
-struct KeptScene {
-    scene: Arc<CompiledScene>,
-    /// Prepared scenes by the settings of the hierarchy and the number of threads.
-    prepared: Vec<(AccelSpec, usize, Arc<PreparedScene>)>,
+/// Prepared forms of the scenes with a keeper, by the [`address`] of the scene.
+static KEPT: Mutex<BTreeMap<usize, Prepared>> = Mutex::new(BTreeMap::new());
+
+fn kept() -> MutexGuard<'static, BTreeMap<usize, Prepared>> {
+    KEPT.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn kept() -> MutexGuard<'static, Vec<KeptScene>> {
-    KEPT.lock().unwrap_or_else(PoisonError::into_inner)
+/// Returns the address of a scene, which no other has as long as its keeper holds it.
+fn address(scene: &Arc<CompiledScene>) -> usize {
+    Arc::as_ptr(scene) as usize
 }
 
 /// Keeps the hierarchies that the CPU backend builds for one compiled scene, until it is dropped.
@@ -34,23 +38,14 @@ pub struct SceneKeeper {
 impl SceneKeeper {
     /// Keeps what is built for a scene from now on. A scene has at most one keeper.
     pub fn new(scene: Arc<CompiledScene>) -> SceneKeeper {
-        kept().push(KeptScene {
-            scene: Arc::clone(&scene),
-            prepared: Vec::new(),
-        });
+        kept().insert(address(&scene), Vec::new());
         SceneKeeper { scene }
     }
 }
 
 impl Drop for SceneKeeper {
     fn drop(&mut self) {
-        kept().retain(|known| !known.is(&self.scene));
-    }
-}
-
-impl KeptScene {
-    fn is(&self, scene: &Arc<CompiledScene>) -> bool {
-        Arc::ptr_eq(&self.scene, scene)
+        kept().remove(&address(&self.scene));
     }
 }
 
@@ -58,10 +53,8 @@ impl KeptScene {
 /// for it.
 pub fn scene_bytes(scene: &Arc<CompiledScene>) -> u64 {
     let kept = kept();
-    let of_scene = kept.iter().filter(|known| known.is(scene));
-    let hierarchies = of_scene
-        .flat_map(|known| &known.prepared)
-        .map(|(_, _, prepared)| prepared.accel.bytes());
+    let of_scene = kept.get(&address(scene)).into_iter().flatten();
+    let hierarchies = of_scene.map(|(_, _, prepared)| prepared.accel.bytes());
     let arrays = scene.memory();
     arrays.geometry + arrays.textures + hierarchies.sum::<usize>() as u64
 }
@@ -76,29 +69,69 @@ pub(super) fn open(scene: Arc<CompiledScene>, job: Job) -> Result<CpuRenderer, R
         lanes: LaneMode::Auto,
         ..job.accel
     };
-    let same = |(accel, threads, _): &&(AccelSpec, usize, Arc<PreparedScene>)| {
-        *accel == settings && *threads == job.threads
-    };
-    let find = |known: &KeptScene| {
-        let found = known.prepared.iter().find(same);
-        found.map(|(_, _, prepared)| Arc::clone(prepared))
+    let find = |known: &Prepared| {
+        let same = |(accel, threads, _): &&(AccelSpec, usize, _)| {
+            *accel == settings && *threads == job.threads
+        };
+        known.iter().find(same).map(|known| Arc::clone(&known.2))
     };
     // The lock is released before a hierarchy is built.
-    let kept_scene = kept().iter().find(|known| known.is(&scene)).map(find);
+    let kept_scene = kept().get(&address(&scene)).map(find);
     let Some(found) = kept_scene else {
         return CpuRenderer::new(scene, job);
     };
     let prepared = match found {
         Some(prepared) => prepared,
         None => {
-            let built = PreparedScene::new(Arc::clone(&scene), &settings, job.threads)?;
+            let threads = match kept_threads(job.threads) {
+                Some(threads) => threads,
+                None => RenderThreads::start(job.threads)?,
+            };
+            let of_scene = Arc::clone(&scene);
+            let built = PreparedScene::on_threads(threads, of_scene, &settings, Isa::detect())?;
             let built = Arc::new(built);
-            if let Some(known) = kept().iter_mut().find(|known| known.is(&scene)) {
-                let entry = (settings, job.threads, Arc::clone(&built));
-                known.prepared.push(entry);
+            if let Some(known) = kept().get_mut(&address(&scene)) {
+                known.push((settings, job.threads, Arc::clone(&built)));
             }
             built
         }
     };
-    CpuRenderer::open(&prepared, &scene.camera, job)
+    CpuRenderer::open(&prepared, job)
+}
+
+/// Returns the threads of any kept hierarchy with this number of them.
+fn kept_threads(count: usize) -> Option<Arc<RenderThreads>> {
+    let kept = kept();
+    let mut all = kept.values().flatten();
+    let same = all.find(|(_, threads, _)| *threads == count);
+    same.map(|(_, _, prepared)| Arc::clone(&prepared.threads))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lumbre_light::scene::compile::compile;
+    use lumbre_light::scene::load::load;
+    use lumbre_light::transport::integrator::INTEGRATORS;
+
+    #[test]
+    fn kept_hierarchies_share_their_threads() {
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+        let (desc, _) = load(&root.join("../../scenes/cornell/cornell.scn")).unwrap();
+        let scenes = [0, 1].map(|_| Arc::new(compile(&desc).unwrap().0));
+        let keepers = scenes.each_ref().map(|s| SceneKeeper::new(Arc::clone(s)));
+        let mut job = Job::plain(&INTEGRATORS[0], [4, 4], 2, 1);
+        // No other test has this number of threads.
+        job.threads = 5;
+        let _runs = scenes
+            .each_ref()
+            .map(|s| open(Arc::clone(s), job.clone()).unwrap());
+        let threads = scenes.each_ref().map(|scene| {
+            let kept = kept();
+            Arc::clone(&kept[&address(scene)][0].2.threads)
+        });
+        assert!(Arc::ptr_eq(&threads[0], &threads[1]));
+        drop(keepers);
+        assert!(kept_threads(5).is_none());
+    }
 }

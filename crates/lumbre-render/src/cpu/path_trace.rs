@@ -53,7 +53,7 @@ pub(super) fn paths(
 ) -> Result<Vec<Vec<PathEvent>>, RenderError> {
     // One sample uses one thread; only integrators with shared data use more.
     let shared = PreparedScene::new(Arc::clone(scene), &job.accel, job.threads)?;
-    Ok(shared.paths(&scene.camera, job, samples))
+    Ok(shared.paths(job, samples))
 }
 
 /// Returns the events of each given sample of a prepared job.

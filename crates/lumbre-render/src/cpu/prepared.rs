@@ -11,7 +11,6 @@ use super::bvh::accel::Accel;
 use super::prepared_scene::PreparedScene;
 use super::wavefront::{SmallScene, Wavefront};
 use crate::{Abandoned, Job};
-use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::Camera;
 use lumbre_light::transport::integrator::iteration::light_paths::{LightBatch, LightUnit};
@@ -40,10 +39,10 @@ pub(super) struct PreparedJob {
 
 impl PreparedJob {
     /// Prepares camera, lights, and what all iterations need.
-    pub fn new(scene: &PreparedScene, camera: &CameraDesc, job: Job) -> PreparedJob {
+    pub fn new(scene: &PreparedScene, job: Job) -> PreparedJob {
         let mut prepared = PreparedJob {
             accel: Arc::clone(&scene.accel),
-            camera: Camera::new(camera, job.resolution, job.filter),
+            camera: Camera::new(job.camera(scene.scene()), job.resolution, job.filter),
             lights: scene.lights(LightSelection::from_params(&job.params)),
             classes: Arc::clone(&scene.classes),
             settings: Settings::new(&job.params),

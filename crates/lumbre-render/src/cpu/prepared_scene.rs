@@ -22,11 +22,29 @@ use lumbre_light::transport::camera::{Camera, FilterSpec};
 use lumbre_light::transport::light::{LightSelection, Lights};
 use lumbre_light::transport::ray::{Hit, Ray};
 
+/// Threads that render, and the clock that measures them.
+pub(super) struct RenderThreads {
+    pub(super) pool: rayon::ThreadPool,
+    pub(super) clock: RenderClock,
+}
+
+impl RenderThreads {
+    /// Starts threads; 0 for one for each core.
+    pub(super) fn start(count: usize) -> Result<Arc<RenderThreads>, RenderError> {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(count)
+            .thread_name(|i| format!("render-{i}"))
+            .build()
+            .map_err(|e| failed(format!("cannot start render threads: {e}")))?;
+        let clock = RenderClock::new(&pool);
+        Ok(Arc::new(RenderThreads { pool, clock }))
+    }
+}
+
 /// A scene with its hierarchy, surfaces, lights and threads.
 pub struct PreparedScene {
     pub(super) accel: Arc<Accel>,
-    pub(super) pool: Arc<rayon::ThreadPool>,
-    pub(super) clock: Arc<RenderClock>,
+    pub(super) threads: Arc<RenderThreads>,
     pub(super) classes: Arc<SurfaceClasses>,
     /// Lights for the selection that was used last.
     lights: Mutex<Option<(LightSelection, Arc<Lights>)>>,
@@ -55,23 +73,23 @@ impl PreparedScene {
         threads: usize,
         isa: Isa,
     ) -> Result<PreparedScene, RenderError> {
-        let failed = |reason: String| RenderError::Failed {
-            backend: "cpu",
-            reason,
-        };
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .thread_name(|i| format!("render-{i}"))
-            .build()
-            .map_err(|e| failed(format!("cannot start render threads: {e}")))?;
-        let accel = pool
-            .install(|| Accel::build_as(scene, accel, isa))
-            .map_err(|e| failed(e.to_string()))?;
+        PreparedScene::on_threads(RenderThreads::start(threads)?, scene, accel, isa)
+    }
+
+    /// Prepares a scene on threads that may render other scenes, too.
+    pub(super) fn on_threads(
+        threads: Arc<RenderThreads>,
+        scene: Arc<CompiledScene>,
+        accel: &AccelSpec,
+        isa: Isa,
+    ) -> Result<PreparedScene, RenderError> {
+        let build = || Accel::build_as(scene, accel, isa);
+        let accel = threads.pool.install(build);
+        let accel = accel.map_err(|e| failed(e.to_string()))?;
         Ok(PreparedScene {
             classes: Arc::new(SurfaceClasses::new(&accel.scene)),
             accel: Arc::new(accel),
-            clock: Arc::new(RenderClock::new(&pool)),
-            pool: Arc::new(pool),
+            threads,
             lights: Mutex::default(),
         })
     }
@@ -81,13 +99,13 @@ impl PreparedScene {
         &self.accel.scene
     }
 
-    /// Starts a run of a job with a camera instead of the scene's. The settings of the hierarchy and
-    /// the number of threads are those of the prepared scene.
+    /// Starts a run of a job. The settings of the hierarchy and the number of threads are those of
+    /// the prepared scene.
     ///
     /// # Errors
     /// Returns an error if layers or bins exceed their limits.
-    pub fn open(&self, camera: &CameraDesc, job: Job) -> Result<CpuRenderer, RenderError> {
-        CpuRenderer::open(self, camera, job)
+    pub fn open(&self, job: Job) -> Result<CpuRenderer, RenderError> {
+        CpuRenderer::open(self, job)
     }
 
     /// Returns the lights, of which one is chosen by the given probabilities.
@@ -119,14 +137,16 @@ impl PreparedScene {
 
     /// Records the events of single samples of a job, as [`BackendRow::paths`](crate::BackendRow::paths)
     /// does.
-    pub fn paths(
-        &self,
-        camera: &CameraDesc,
-        job: &Job,
-        samples: &[SampleAt],
-    ) -> Vec<Vec<PathEvent>> {
-        let prepared = PreparedJob::new(self, camera, job.clone());
+    pub fn paths(&self, job: &Job, samples: &[SampleAt]) -> Vec<Vec<PathEvent>> {
+        let prepared = PreparedJob::new(self, job.clone());
         path_trace::record(&prepared, samples)
+    }
+}
+
+fn failed(reason: String) -> RenderError {
+    RenderError::Failed {
+        backend: "cpu",
+        reason,
     }
 }
 
@@ -164,8 +184,8 @@ mod tests {
                 target: Vec3::ZERO,
                 ..CameraDesc::default()
             },
-            materials: vec![MaterialDesc::new("m")],
-            entities: vec![ball],
+            materials: vec![MaterialDesc::new("m")].into(),
+            entities: vec![ball].into(),
             lights: [(3.0, 1.0), (-3.0, 3.0)]
                 .iter()
                 .enumerate()

@@ -16,13 +16,13 @@ use rayon::prelude::*;
 
 use super::bvh::accel::Accel;
 use super::bvh::simd::Isa;
-use super::clock::{RenderClock, WaveTime};
+use super::clock::WaveTime;
 use super::films::bin_pool;
 use super::films::layers::{LayerFilms, LayerRowFilm, LayerSpec, Moments};
 use super::films::row_film::{RowFilm, RowStats, SplatTarget};
 use super::films::time_film::{SlotRow, TimeFilm, TimeRowFilm};
 use super::prepared::{CountingTrace, PreparedJob};
-use super::prepared_scene::PreparedScene;
+use super::prepared_scene::{PreparedScene, RenderThreads};
 use super::wavefront::Wavefront;
 use crate::device::Features;
 use crate::hierarchy::{AccelSpec, Builder};
@@ -33,7 +33,6 @@ use lumbre_light::film::splat::{SplatBuffer, SplatSums};
 use lumbre_light::film::state::StateReader;
 use lumbre_light::film::time::TimeCube;
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::transport::contribution::Contribution;
 use lumbre_light::transport::integrator::Context;
 use lumbre_light::transport::integrator::iteration::Shared;
@@ -42,8 +41,7 @@ use lumbre_light::transport::integrator::iteration::recorded::RecordedSamples;
 /// Renderer of one job on the CPU.
 pub struct CpuRenderer {
     prepared: PreparedJob,
-    pool: Arc<rayon::ThreadPool>,
-    clock: Arc<RenderClock>,
+    threads: Arc<RenderThreads>,
     /// Sums of the samples' contributions to their own pixels. With a time axis `sum` is unused,
     /// since the sums are in the slots of `times`.
     own: Film,
@@ -82,26 +80,23 @@ impl CpuRenderer {
         job: Job,
         isa: Isa,
     ) -> Result<CpuRenderer, RenderError> {
-        let shared = PreparedScene::with_isa(Arc::clone(&scene), &job.accel, job.threads, isa)?;
-        CpuRenderer::open(&shared, &scene.camera, job)
+        let shared = PreparedScene::with_isa(scene, &job.accel, job.threads, isa)?;
+        CpuRenderer::open(&shared, job)
     }
 
     /// Starts a run on a prepared scene: allocates the films and prepares the technique.
-    pub(super) fn open(
-        scene: &PreparedScene,
-        camera: &CameraDesc,
-        job: Job,
-    ) -> Result<CpuRenderer, RenderError> {
+    pub(super) fn open(scene: &PreparedScene, job: Job) -> Result<CpuRenderer, RenderError> {
         let unsupported = |reason: String| RenderError::Unsupported {
             backend: "cpu",
             reason,
         };
-        let pool = Arc::clone(&scene.pool);
+        let threads = Arc::clone(&scene.threads);
+        let pool = &threads.pool;
         let layers = LayerFilms::for_job(&job).map_err(unsupported)?;
         let times = pool
             .install(|| TimeFilm::for_job(&job))
             .map_err(unsupported)?;
-        let prepared = pool.install(|| PreparedJob::new(scene, camera, job));
+        let prepared = pool.install(|| PreparedJob::new(scene, job));
         let PreparedJob { accel, job, .. } = &prepared;
         let lanes = prepared.wavefront().map_or(1, Wavefront::lanes);
         let open_stats = OpenStats {
@@ -111,7 +106,7 @@ impl CpuRenderer {
             accel_cost: accel.cost(),
             scene: accel.scene.memory(),
             devices: vec![device(accel, pool.current_num_threads(), lanes)],
-            watches_processor: scene.clock.watches_processor(),
+            watches_processor: threads.clock.watches_processor(),
             ..OpenStats::default()
         };
         Ok(CpuRenderer {
@@ -123,8 +118,7 @@ impl CpuRenderer {
             film_of_slots: OnceLock::new(),
             shared_writes: 0,
             prepared,
-            pool,
-            clock: Arc::clone(&scene.clock),
+            threads,
             open_stats,
         })
     }
@@ -172,7 +166,7 @@ impl CpuRenderer {
             free_buffers: Mutex::default(),
         };
         let film = &mut self.own;
-        let stats = self.pool.install(|| {
+        let stats = self.threads.pool.install(|| {
             let width = width as usize;
             let rows = film
                 .sum
@@ -195,7 +189,7 @@ impl CpuRenderer {
                 })
                 .reduce(RowStats::default, RowStats::merge)
         });
-        let (overflowed, locks) = wave.flush(&self.pool);
+        let (overflowed, locks) = wave.flush(&self.threads.pool);
         self.shared_writes += 3 * u64::from(height) + locks;
         film.samples += count;
         RowStats {
@@ -209,7 +203,8 @@ impl CpuRenderer {
     fn render_iterations(&mut self, samples: Range<u64>, abandoned: Abandoned) -> RowStats {
         let (mut index, mut stats) = (samples.start, RowStats::default());
         while index < samples.end && !abandoned() {
-            let begun = self.pool.install(|| self.prepared.begin(index, abandoned));
+            let begin = || self.prepared.begin(index, abandoned);
+            let begun = self.threads.pool.install(begin);
             let shared = begun.as_ref().map(|(shared, _)| &**shared);
             let left = samples.end - index;
             let end = index + self.prepared.samples_at_once(index, left);
@@ -225,7 +220,7 @@ impl CpuRenderer {
 
     /// Adds samples to every pixel, or to some if `abandoned` returns true before the end.
     fn wave(&mut self, samples: u64, abandoned: Abandoned) -> WaveStats {
-        let start = self.clock.start();
+        let start = self.threads.clock.start();
         self.film_of_slots = OnceLock::new();
         let first = self.prepared.job.first_sample + self.own.samples;
         let range = first..first + samples;
@@ -235,7 +230,7 @@ impl CpuRenderer {
             self.render_samples(range, None, abandoned)
         };
         self.combine_splats();
-        let WaveTime { render_s, lost_s } = self.clock.stop(&start);
+        let WaveTime { render_s, lost_s } = self.threads.clock.stop(&start);
         WaveStats {
             samples,
             render_s,
@@ -259,7 +254,7 @@ impl CpuRenderer {
             .get_or_insert_with(|| Film::new(own.width, own.height));
         film.samples = own.samples;
         let pixels = film.sum.par_iter_mut().zip(&mut film.sum2).enumerate();
-        self.pool.install(|| {
+        self.threads.pool.install(|| {
             pixels.for_each(|(i, (sum, sum2))| {
                 (*sum, *sum2) = splats.combined(i, own.sum[i], own.sum2[i], own.samples)
             });

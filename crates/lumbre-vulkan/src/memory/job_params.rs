@@ -39,7 +39,7 @@ pub(super) fn job_params(
 
 /// Returns parameters with camera, limits, integrator settings and sampler; all others are zero.
 fn camera_params(scene: &CompiledScene, job: &lumbre_render::Job) -> layout::JobParams {
-    let camera = Camera::new(&scene.camera, job.resolution, job.filter);
+    let camera = Camera::new(job.camera(scene), job.resolution, job.filter);
     let settings = Settings::new(&job.params);
     layout::JobParams {
         camera_position: camera.position.into(),

@@ -94,7 +94,7 @@ pub fn compile_sharing(
 
 /// Returns the compiled scene before any surface is added.
 fn without_surfaces(desc: &SceneDesc, notes: &mut Vec<Note>) -> Result<CompiledScene, SceneError> {
-    let camera = checked_camera(&desc.camera, notes)?;
+    let camera = compile_camera(&desc.camera, notes)?;
     let (materials, textures, delays) = materials::compile(desc, notes)?;
     let lights = lights::compile(desc, notes)?;
     Ok(CompiledScene {
@@ -198,12 +198,16 @@ pub(super) fn malformed(file: &Path, place: String, problem: String) -> SceneErr
     }
 }
 
-/// Returns the camera with a usable up direction.
+/// Returns a camera as [`compile`] does: with a usable up direction. Nothing else of a compiled
+/// scene depends on the camera.
 ///
 /// # Errors
 /// Fails if position, target or up are not finite, position and target coincide, the picture of an
 /// orthographic camera has no usable height, or a camera of a kind without a lens has one.
-fn checked_camera(camera: &CameraDesc, notes: &mut Vec<Note>) -> Result<CameraDesc, SceneError> {
+pub fn compile_camera(
+    camera: &CameraDesc,
+    notes: &mut Vec<Note>,
+) -> Result<CameraDesc, SceneError> {
     let fail = |key: &str, problem: &str| {
         let path = format!("camera.{key}");
         Err(SchemaError {

@@ -19,7 +19,7 @@ use glam::{Vec2, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
 pub use delays::{Blend, DelayParam, DelayProfile, Delays, MaterialComponent};
-pub use flatten::{MAX_PRIMITIVES, compile, compile_sharing};
+pub use flatten::{MAX_PRIMITIVES, compile, compile_camera, compile_sharing};
 pub use instance::{Instance, Instances, MAX_FLATTENED_PRIMITIVES, SharedMesh};
 pub use lights::{Cone, DirectionalLight, Environment, PointLight};
 pub use memory::SceneMemory;

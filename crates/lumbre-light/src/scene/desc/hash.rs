@@ -27,22 +27,24 @@ const TEXTURE_TAG: &[u8] = b"lumbre texture 1";
 ///
 /// Meshes and textures contribute their stored `content_hash`.
 pub fn content_hash(desc: &SceneDesc) -> [u8; 32] {
+    hash_scene(desc, Some(&desc.camera))
+}
+
+/// Returns the [content hash](content_hash) without the camera: scenes that differ in their camera
+/// alone have equal hashes.
+pub fn hash_without_camera(desc: &SceneDesc) -> [u8; 32] {
+    hash_scene(desc, None)
+}
+
+fn hash_scene(desc: &SceneDesc, camera: Option<&CameraDesc>) -> [u8; 32] {
     let mut h = Hasher::new();
     h.update(SCENE_TAG);
     desc.resolution
         .iter()
         .for_each(|n| int(&mut h, u64::from(*n)));
     int(&mut h, u64::from(desc.max_depth));
-    let camera = &desc.camera;
-    for v in [camera.position, camera.target, camera.up] {
-        vec3(&mut h, v);
-    }
-    hash_projection(&mut h, camera);
-    if camera.window != ViewWindow::WHOLE {
-        h.update(b"window");
-        for edge in camera.window.to_array() {
-            float(&mut h, edge);
-        }
+    if let Some(camera) = camera {
+        hash_camera(&mut h, camera);
     }
     let names = desc.material_names();
     int(&mut h, desc.materials.len() as u64);
@@ -55,6 +57,19 @@ pub fn content_hash(desc: &SceneDesc) -> [u8; 32] {
         .for_each(|e| hash_entity(&mut h, &names, e));
     hash_lights(&mut h, desc);
     *h.finalize().as_bytes()
+}
+
+fn hash_camera(h: &mut Hasher, camera: &CameraDesc) {
+    for v in [camera.position, camera.target, camera.up] {
+        vec3(h, v);
+    }
+    hash_projection(h, camera);
+    if camera.window != ViewWindow::WHOLE {
+        h.update(b"window");
+        for edge in camera.window.to_array() {
+            float(h, edge);
+        }
+    }
 }
 
 /// Writes what determines the rays of a camera, beside its position and orientation. Perspective
@@ -428,6 +443,17 @@ mod tests {
         let mut renamed = lit();
         renamed.lights[0].name = "other".to_owned();
         assert_eq!(content_hash(&renamed), content_hash(&lit()));
+    }
+
+    #[test]
+    fn the_camera_alone_is_left_out_of_the_hash_without_it() {
+        let (a, mut b) = (scene(), scene());
+        b.camera.position.x = 2.0;
+        b.camera.kind = CAMERA_KINDS[1].0;
+        assert_eq!(hash_without_camera(&a), hash_without_camera(&b));
+        assert_ne!(hash_without_camera(&a), content_hash(&a));
+        b.max_depth += 1;
+        assert_ne!(hash_without_camera(&a), hash_without_camera(&b));
     }
 
     #[test]

@@ -27,7 +27,7 @@ pub use camera::{
 };
 pub use cow_vec::CowVec;
 pub use delay::{DelayDesc, DelayKind};
-pub use hash::{content_hash, mesh_hash, texture_hash};
+pub use hash::{content_hash, hash_without_camera, mesh_hash, texture_hash};
 pub use light::{
     ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSampling, EnvironmentSource, LightDesc,
     LightKind,

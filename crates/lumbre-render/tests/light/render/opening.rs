@@ -10,7 +10,7 @@ use lumbre_render::cpu::bvh::simd::Isa;
 use lumbre_render::cpu::kept_scenes::{SceneKeeper, scene_bytes};
 use lumbre_render::cpu::renderer::CpuRenderer;
 use lumbre_render::hierarchy::{AccelSpec, Builder, LaneMode};
-use lumbre_render::{Job, Renderer};
+use lumbre_render::{Job, Renderer, View};
 
 fn scene() -> Arc<CompiledScene> {
     let file = concat!(
@@ -60,6 +60,36 @@ fn runs_share_a_hierarchy_with_their_settings_until_the_keeper_goes() {
     );
     drop(keeper);
     assert_eq!(scene_bytes(&scene), without);
+}
+
+#[test]
+fn a_view_renders_the_same_bits_as_a_scene_with_its_camera() {
+    let shared = scene();
+    let mut moved = (*shared).clone();
+    moved.camera.position.x += 0.25;
+    let moved = Arc::new(moved);
+    let film = |scene: &Arc<CompiledScene>, job| {
+        let mut renderer = (ROW.open)(Arc::clone(scene), job).unwrap();
+        renderer.advance(2).unwrap();
+        renderer.film().mean()
+    };
+    for lanes in [LaneMode::Always, LaneMode::Never] {
+        let plain = job(Builder::Ploc, lanes);
+        let view = View {
+            camera: moved.camera.clone(),
+            content_hash: [1; 32],
+        };
+        let seen = Job {
+            view: Some(view),
+            ..plain.clone()
+        };
+        let expected = film(&moved, plain.clone());
+        assert!(film(&shared, plain) != expected);
+        assert!(film(&shared, seen.clone()) == expected);
+        let _keeper = SceneKeeper::new(Arc::clone(&shared));
+        assert!(film(&shared, seen.clone()) == expected);
+        assert!(film(&shared, seen) == expected, "with a kept hierarchy");
+    }
 }
 
 #[test]
