@@ -7,13 +7,13 @@ use std::time::SystemTime;
 
 use super::active_run::RunRequest;
 use super::attempt::{AttemptError, RetryState};
+use super::scenes::RunScene;
 use super::state::NightRunner;
 use super::waves::SLICE_S;
 use crate::experiment::outcome::{CellRef, Level};
 use crate::experiment::plan::identity;
 use crate::experiment::run_progress::RunProgress;
 use crate::experiment::spec::Warmup;
-use lumbre_light::scene::CompiledScene;
 use lumbre_light::transport::integrator::external::is_external;
 use lumbre_render::denoise;
 use lumbre_render::external::{self, Access};
@@ -37,7 +37,7 @@ impl<'a> NightRunner<'a, '_> {
     pub(super) fn warm_up(
         &mut self,
         request: &RunRequest<'a>,
-        scene: &Arc<CompiledScene>,
+        scene: &RunScene,
         retry: &RetryState,
     ) -> Result<(), AttemptError> {
         let (Some(warmup), CellRef::Cell(_)) = (self.plan.night.warmup, request.cell) else {
@@ -48,7 +48,7 @@ impl<'a> NightRunner<'a, '_> {
             seeds: &seeds,
             ..request.clone()
         };
-        let mut renderer = Some(self.open(&request, Arc::clone(scene), retry.backend)?);
+        let mut renderer = Some(self.open(&request, scene, retry.backend)?);
         let mut done = WaveStats::default();
         loop {
             let rate = done.samples as f64 / done.render_s;
@@ -78,10 +78,10 @@ impl<'a> NightRunner<'a, '_> {
     pub(super) fn resume(
         &mut self,
         request: &RunRequest<'a>,
-        scene: Arc<CompiledScene>,
+        scene: &RunScene,
         retry: &RetryState,
     ) -> Result<(Box<dyn Renderer>, ResumePoint), AttemptError> {
-        let mut renderer = self.open(request, Arc::clone(&scene), retry.backend)?;
+        let mut renderer = self.open(request, scene, retry.backend)?;
         let own = if retry.from_scratch {
             None
         } else {
@@ -130,11 +130,11 @@ impl<'a> NightRunner<'a, '_> {
     pub(super) fn open(
         &self,
         request: &RunRequest<'_>,
-        scene: Arc<CompiledScene>,
+        scene: &RunScene,
         backend: Option<&str>,
     ) -> Result<Box<dyn Renderer>, AttemptError> {
         let backend = backend.unwrap_or(&request.config.backend);
-        let job = self.job(request, &scene)?;
+        let job = self.job(request, scene)?;
         let open = |seed: u64| -> Result<Box<dyn Renderer>, AttemptError> {
             let job = Job {
                 seed,
@@ -148,7 +148,7 @@ impl<'a> NightRunner<'a, '_> {
                     };
                     external::open(request.scene, &request.config.integrator, &job, &access)
                 } else {
-                    (self.seams.open)(backend, Arc::clone(&scene), job)
+                    (self.seams.open)(backend, Arc::clone(&scene.compiled), job)
                 }
             };
             let open = || denoise::open(request.config.denoise.as_ref(), job.clone(), start);
@@ -174,11 +174,12 @@ impl<'a> NightRunner<'a, '_> {
     }
 
     /// Makes the job of a run, with seed 0.
-    fn job(&self, request: &RunRequest<'_>, scene: &CompiledScene) -> Result<Job, String> {
-        let mut job =
-            request
-                .config
-                .job(scene.resolution, scene.max_depth, self.options.threads)?;
+    fn job(&self, request: &RunRequest<'_>, scene: &RunScene) -> Result<Job, String> {
+        let (desc, threads) = (request.scene, self.options.threads);
+        let mut job = request
+            .config
+            .job(desc.resolution, desc.max_depth, threads)?;
+        job.view.clone_from(&scene.view);
         job.resolution = request.resolution.unwrap_or(job.resolution);
         job.first_sample = request.shard.map_or(0, |shard| shard.first / 2);
         if let CellRef::Reference(_) = request.cell {

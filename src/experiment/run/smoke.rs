@@ -157,7 +157,7 @@ impl NightRunner<'_, '_> {
             resolution,
         };
         let scene = self.compiled(&request)?;
-        let mut renderer = Some(self.open(&request, scene, None)?);
+        let mut renderer = Some(self.open(&request, &scene, None)?);
         let pipeline_s = (renderer.as_ref()).map_or(0.0, |r| r.open_stats().pipeline_s);
         let stats = advance(&mut renderer, 1, &self.cancellation())?;
         self.throughput.record_smoke_sample(

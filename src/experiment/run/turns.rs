@@ -166,7 +166,7 @@ impl<'a> NightRunner<'a, '_> {
         let request = run.request.clone();
         let scene = self.compiled(&request)?;
         self.warm_up(&request, &scene, &run.retry)?;
-        let (renderer, resume_point) = self.resume(&request, scene, &run.retry)?;
+        let (renderer, resume_point) = self.resume(&request, &scene, &run.retry)?;
         let open = renderer.open_stats().clone();
         let attempt = &mut run.attempt;
         attempt.renderer = Some(renderer);

@@ -16,6 +16,7 @@ mod identity;
 mod intervention;
 mod listeners;
 mod lost;
+mod many_cells;
 mod night;
 mod references;
 mod survival;

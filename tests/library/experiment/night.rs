@@ -489,38 +489,6 @@ fn a_reference_from_a_file_is_read_through_the_history() {
 }
 
 #[test]
-fn consecutive_cells_share_a_compiled_scene() {
-    let mut lab = Lab::new()
-        .axis("rough", [0.25, 0.75])
-        .axis("depth", ints([1, 2]));
-    lab.spec.repeats = 2;
-    lab.render = Box::new(|p| {
-        let mut config = config();
-        config.max_depth = Some(whole_at(p, "depth"));
-        config.set.insert(
-            "materials.egg.roughness".into(),
-            crate::experiment::fixtures::at(p, "rough"),
-        );
-        Ok(config)
-    });
-    let scenes = RefCell::new(Vec::new());
-    let open: run::Open<'_> = &|_, scene, job| {
-        scenes.borrow_mut().push(Arc::clone(&scene));
-        Ok(Box::new(MockRenderer::new(scene, job)))
-    };
-    Night {
-        open,
-        ..Night::default()
-    }
-    .record(&lab);
-    let scenes = scenes.into_inner();
-    assert_eq!(scenes.len(), 8);
-    assert!((0..3).all(|i| Arc::ptr_eq(&scenes[i], &scenes[i + 1])));
-    assert!(!Arc::ptr_eq(&scenes[3], &scenes[4]));
-    assert!((4..7).all(|i| Arc::ptr_eq(&scenes[i], &scenes[i + 1])));
-}
-
-#[test]
 fn a_renderer_receives_the_job_of_its_cell() {
     let mut lab = Lab::new();
     lab.render = Box::new(|_| {
