@@ -1,6 +1,6 @@
 //! `lumbre plan`: what a script would render, what is cached and what is skipped.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -17,7 +17,7 @@ use crate::experiment::memory;
 use crate::experiment::noise_floor::floors;
 use crate::experiment::plan::{Estimate, PlannedCommand, ReferenceSource, unreachable_thresholds};
 use crate::experiment::spec::Order;
-use crate::experiment::{Cell, CellRef, Plan, StopRule};
+use crate::experiment::{CellRef, Plan, StopRule};
 use crate::store::schema::plan::PlanFile;
 use crate::store::{Archive, plan_file, throughput_history};
 use lumbre_render::shaders::ShaderFolder;
@@ -373,22 +373,20 @@ fn throughput(plan: &Plan, runs: &[Option<FinishedRun>], out: &Path) -> Throughp
 /// Reads the halves of a reference only if a stop rule uses a metric against it, since reading
 /// takes time.
 fn unreachable(plan: &Plan, history: &dyn History) -> Vec<String> {
-    let has_threshold = |cell: &Cell| {
+    let has_threshold = |cell: &usize| {
         let mut found = false;
-        cell.stop
+        plan.cells[*cell]
+            .stop
             .visit(&mut |rule| found |= matches!(rule, StopRule::When { .. }));
         found
     };
-    let references: BTreeSet<usize> = plan
-        .cells
-        .iter()
-        .filter(|c| has_threshold(c))
-        .filter_map(|c| c.reference)
-        .collect();
-    let warnings = |i: usize| -> Vec<String> {
+    let measured = plan.measured_cells().into_iter().enumerate();
+    let measured = measured.filter(|(_, cells)| cells.iter().any(has_threshold));
+    let warnings = |(i, cells): (usize, Vec<usize>)| -> Vec<String> {
         match (history.image(plan, i), history.halves(plan, i)) {
             (Ok(Some(image)), Ok(Some(halves))) => {
-                unreachable_thresholds(plan, i, &floors(&plan.measure.metrics, &image, &halves))
+                let floors = floors(&plan.measure.metrics, &image, &halves);
+                unreachable_thresholds(plan, &cells, &floors)
             }
             (_, Err(error)) | (Err(error), _) => {
                 vec![format!("cannot estimate the noise of a reference: {error}")]
@@ -396,7 +394,7 @@ fn unreachable(plan: &Plan, history: &dyn History) -> Vec<String> {
             _ => Vec::new(),
         }
     };
-    references.into_iter().flat_map(warnings).collect()
+    measured.flat_map(warnings).collect()
 }
 
 /// Describes whether a run is cached.

@@ -281,6 +281,17 @@ impl Plan {
             .collect()
     }
 
+    /// Returns the cells that are measured against each reference.
+    pub fn measured_cells(&self) -> Vec<Vec<usize>> {
+        let mut measured = vec![Vec::new(); self.references.len()];
+        for (index, cell) in self.cells.iter().enumerate() {
+            if let Some(reference) = cell.reference {
+                measured[reference].push(index);
+            }
+        }
+        measured
+    }
+
     /// Returns the first cell that is the same run as a cell: see [`Cell::first`].
     ///
     /// # Panics

@@ -84,20 +84,15 @@ impl Plan {
 
     /// Returns the round of every value of a numeric axis; empty for other axes.
     fn axis_rounds(&self, axis: usize) -> BTreeMap<String, u32> {
-        let mut values: Vec<&Value> = Vec::new();
-        for cell in &self.cells {
-            if !values.contains(&&cell.point[axis].1) {
-                values.push(&cell.point[axis].1);
-            }
-        }
-        if !values.iter().all(|value| value.as_f64().is_some()) {
+        let values = self.cells.iter().map(|cell| &cell.point[axis].1);
+        if !values.clone().all(|value| value.as_f64().is_some()) {
             return BTreeMap::new();
         }
-        values
-            .iter()
-            .map(|v| v.to_string())
-            .zip(halvings(values.len()))
-            .collect()
+        let mut seen = BTreeSet::new();
+        let texts = values.map(Value::to_string);
+        let texts: Vec<String> = texts.filter(|text| seen.insert(text.clone())).collect();
+        let rounds = halvings(texts.len());
+        texts.into_iter().zip(rounds).collect()
     }
 }
 

@@ -6,21 +6,17 @@ use super::Plan;
 use crate::experiment::stop::{Comparison, StopRule};
 use lumbre_metrics::Better;
 
-/// Returns a warning for every threshold, in the stop rules of the cells measured against reference
-/// `reference`, that even the true picture would not reach. `floors` are the noise floors of the
-/// reference in the order of the plan's columns.
+/// Returns a warning for every threshold, in the stop rules of the cells measured against a
+/// reference, that even the true picture would not reach. `measured` are the indices of these cells,
+/// `floors` the noise floors of the reference in the order of the plan's columns.
 pub fn unreachable_thresholds(
     plan: &Plan,
-    reference: usize,
+    measured: &[usize],
     floors: &[Option<f64>],
 ) -> Vec<String> {
     let mut found: BTreeMap<String, (usize, f64)> = BTreeMap::new();
-    for cell in plan
-        .cells
-        .iter()
-        .filter(|cell| cell.reference == Some(reference))
-    {
-        cell.stop.visit(&mut |rule| {
+    for cell in measured {
+        plan.cells[*cell].stop.visit(&mut |rule| {
             let StopRule::When {
                 column, op, value, ..
             } = rule

@@ -13,23 +13,10 @@ use lumbre_light::film::ztest::Estimate;
 use lumbre_light::film::{Film, Image};
 
 impl NightRunner<'_, '_> {
-    /// Returns the bias checks that involve a reference, each with the index of its first picture.
-    fn bias_checks_of(&self, reference: usize) -> Vec<(usize, BiasCheck)> {
-        let checks = self
-            .plan
-            .references
-            .iter()
-            .enumerate()
-            .filter_map(|(i, r)| Some((i, r.bias_check?)));
-        checks
-            .filter(|(first, check)| *first == reference || check.with == reference)
-            .collect()
-    }
-
     /// Stores the estimate of a rendered reference until the other side of its bias check is
     /// available.
     pub(super) fn store_estimate(&mut self, reference: usize, film: &Film) {
-        if !self.bias_checks_of(reference).is_empty() {
+        if self.bias_checks.contains_key(&reference) {
             let (mean, variance) = (Arc::new(film.mean()), Arc::new(film.variance_of_mean()));
             self.estimates
                 .insert(reference, ReferenceEstimate { mean, variance });
@@ -50,7 +37,8 @@ impl NightRunner<'_, '_> {
     }
 
     fn try_check_bias(&mut self, reference: usize) -> Result<(), String> {
-        for (first, BiasCheck { with, rate }) in self.bias_checks_of(reference) {
+        let checks = self.bias_checks.get(&reference).cloned();
+        for (first, BiasCheck { with, rate }) in checks.unwrap_or_default() {
             if !(self.is_available(first) && self.is_available(with)) {
                 continue;
             }

@@ -179,8 +179,7 @@ impl<'a> NightRunner<'a, '_> {
             // The other worker has recorded it already.
             let _ = self.emit(&event);
         }
-        self.finished.insert(cell);
-        self.summary.results.push(CellResult {
+        self.add_result(CellResult {
             cell,
             outcome,
             rows,
@@ -188,6 +187,13 @@ impl<'a> NightRunner<'a, '_> {
             open,
         });
         true
+    }
+
+    /// Adds the result of a cell or reference to the summary.
+    fn add_result(&mut self, result: CellResult) {
+        self.finished.insert(result.cell);
+        self.failed += usize::from(matches!(result.outcome, Outcome::Failed(_)));
+        self.summary.results.push(result);
     }
 
     /// Emits how a cell or reference ended and adds it to the summary. If a sink cannot record it,
@@ -233,11 +239,10 @@ impl<'a> NightRunner<'a, '_> {
         if outcome == Outcome::Interrupted && self.control.stop_requested() {
             self.summary.interrupted = true;
         }
-        self.finished.insert(cell);
         if let Outcome::Done(_) | Outcome::Cached(_) = outcome {
             self.record_throughput(cell, &rows);
         }
-        self.summary.results.push(CellResult {
+        self.add_result(CellResult {
             cell,
             outcome: outcome.clone(),
             rows,

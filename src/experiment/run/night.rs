@@ -11,11 +11,14 @@ use super::state::{NightRunner, ReferenceState};
 use super::summary::{NightSummary, RunError};
 use crate::experiment::event::Event;
 use crate::experiment::forecast::{Throughput, WorkloadKey, forecast};
-use crate::experiment::outcome::{CellRef, Level, Outcome, WaveRow};
+use crate::experiment::outcome::{CellRef, Level, WaveRow};
 use crate::experiment::plan::ReferenceSource;
 
 /// Shortest time between two forecasts.
 const FORECAST_INTERVAL: Duration = Duration::from_secs(2);
+
+/// Smallest ratio of that time to the time of making a forecast, which looks at every cell.
+const MIN_INTERVAL_PER_COST: u32 = 100;
 
 impl NightRunner<'_, '_> {
     /// Runs the night to its end.
@@ -170,15 +173,9 @@ impl NightRunner<'_, '_> {
             self.summary.interrupted = true;
             return true;
         }
-        let failed = self
-            .summary
-            .results
-            .iter()
-            .filter(|r| matches!(r.outcome, Outcome::Failed(_)))
-            .count();
         let text = match self.options.max_fails {
-            Some(max_fails) if failed >= max_fails.max(1) => {
-                format!("the night ends early: {failed} runs have failed")
+            Some(max_fails) if self.failed >= max_fails.max(1) => {
+                format!("the night ends early: {} runs have failed", self.failed)
             }
             _ if self.deadline_passed() => {
                 "the night ends early: its deadline has passed".to_owned()
@@ -229,10 +226,8 @@ impl NightRunner<'_, '_> {
 
     /// Emits a forecast of the remaining time, unless the last one is recent.
     fn emit_forecast(&mut self) {
-        if self
-            .last_forecast
-            .is_some_and(|last| last.elapsed() < FORECAST_INTERVAL)
-        {
+        let start = Instant::now();
+        if start < self.next_forecast {
             return;
         }
         let only = self.options.only.as_ref();
@@ -247,7 +242,8 @@ impl NightRunner<'_, '_> {
         let remaining = forecast(self.plan, &self.throughput, &is_open);
         // The night does not depend on it.
         let _ = self.emit(&Event::Forecast(remaining));
-        self.last_forecast = Some(Instant::now());
+        self.next_forecast =
+            Instant::now() + FORECAST_INTERVAL.max(MIN_INTERVAL_PER_COST * start.elapsed());
     }
 
     /// Records the throughput of a finished run for the forecast.

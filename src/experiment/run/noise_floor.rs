@@ -108,7 +108,7 @@ impl NightRunner<'_, '_> {
             );
             self.emit_message(Level::Warn, CellRef::Reference(reference), text)?;
         }
-        for text in unreachable_thresholds(self.plan, reference, &floors) {
+        for text in unreachable_thresholds(self.plan, &self.measured[reference], &floors) {
             self.emit_message(Level::Warn, CellRef::Reference(reference), text)?;
         }
         self.emit(&Event::NoiseFloors { reference, floors })

@@ -1,7 +1,7 @@
 //! The smoke pass: renders one small sample of every configuration before the night begins, so that
 //! errors are found while the user is still watching.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use super::active_run::RunRequest;
@@ -37,19 +37,23 @@ impl NightRunner<'_, '_> {
         let start = Instant::now();
         let mut failed = BTreeMap::new();
         let (mut tested, mut compiling_s) = (0, 0.0);
-        let mut seen = BTreeSet::new();
-        let mut open: Vec<CellRef> = order
-            .iter()
-            .copied()
-            .filter(|cell| seen.insert(self.configuration(*cell)))
-            .collect();
-        open.retain(|cell| self.history.finished_run(self.plan, *cell).is_none());
-        for cell in &open {
+        // Cells by configuration, in order.
+        let mut open: Vec<Vec<CellRef>> = Vec::new();
+        let mut known = BTreeMap::new();
+        for cell in order {
+            let index = *known.entry(self.configuration(*cell)).or_insert_with(|| {
+                open.push(Vec::new());
+                open.len() - 1
+            });
+            open[index].push(*cell);
+        }
+        open.retain(|cells| self.history.finished_run(self.plan, cells[0]).is_none());
+        for cells in &open {
             if self.control.stop_requested() || is_over(start.elapsed(), compiling_s) {
                 break;
             }
             tested += 1;
-            let error = match self.render_smoke_sample(*cell) {
+            let error = match self.render_smoke_sample(cells[0]) {
                 Ok(pipeline_s) => {
                     compiling_s += pipeline_s;
                     continue;
@@ -60,18 +64,12 @@ impl NightRunner<'_, '_> {
             // A cancelled sample shows nothing.
             let may_succeed = match error {
                 AttemptError::DeviceLost(_) | AttemptError::Cancelled => true,
-                AttemptError::Backend(_) => self.has_fallback(*cell),
+                AttemptError::Backend(_) => self.has_fallback(cells[0]),
                 AttemptError::Other(_) => false,
             };
             if !may_succeed {
-                let reason = error.into_reason();
-                let configuration = self.configuration(*cell);
-                let same = order
-                    .iter()
-                    .filter(|other| self.configuration(**other) == configuration);
-                failed.extend(
-                    same.map(|other| (*other, format!("failed in the smoke pass: {reason}"))),
-                );
+                let reason = format!("failed in the smoke pass: {}", error.into_reason());
+                failed.extend(cells.iter().map(|cell| (*cell, reason.clone())));
             }
         }
         let seconds = start.elapsed().as_secs_f64();
@@ -95,17 +93,15 @@ impl NightRunner<'_, '_> {
     }
 
     /// Returns a key that distinguishes cells except for their seeds. All references are different.
-    fn configuration(&self, cell: CellRef) -> (bool, usize, String) {
+    fn configuration(&self, cell: CellRef) -> (bool, usize, [u8; 32]) {
         match cell {
-            CellRef::Reference(i) => (true, i, String::new()),
+            CellRef::Reference(i) => (true, i, [0; 32]),
             CellRef::Cell(i) => {
                 let cell = &self.plan.cells[i];
                 // Repeats of a point share their scene and differ only in their seeds.
-                (
-                    false,
-                    std::sync::Arc::as_ptr(&cell.scene) as usize,
-                    format!("{:?}", cell.config),
-                )
+                let scene = std::sync::Arc::as_ptr(&cell.scene) as usize;
+                let config = blake3::hash(format!("{:?}", cell.config).as_bytes());
+                (false, scene, config.into())
             }
         }
     }

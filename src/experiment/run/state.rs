@@ -11,7 +11,7 @@ use crate::experiment::event::{History, NightControls, Sink};
 use crate::experiment::forecast::ThroughputHistory;
 use crate::experiment::noise_floor::NoiseFloors;
 use crate::experiment::outcome::{CellRef, Outcome};
-use crate::experiment::plan::Plan;
+use crate::experiment::plan::{BiasCheck, Plan};
 use crate::experiment::run_progress::Checkpoint;
 use crate::experiment::spec::ScriptHooks;
 use lumbre_light::film::SharedImage;
@@ -28,6 +28,10 @@ pub(super) struct NightRunner<'a, 's> {
     pub(super) sinks: &'a mut [&'s mut dyn Sink],
     /// State of every reference of the plan.
     pub(super) references: Vec<ReferenceState>,
+    /// Cells that are measured against every reference of the plan.
+    pub(super) measured: Vec<Vec<usize>>,
+    /// Bias checks by reference on either side, each with the index of its first picture.
+    pub(super) bias_checks: BTreeMap<usize, Vec<(usize, BiasCheck)>>,
     /// References that another process held in this round, with that process and the time.
     pub(super) references_elsewhere: BTreeMap<usize, (String, Instant)>,
     /// The reference that was used last; neighbouring cells mostly share it.
@@ -47,14 +51,16 @@ pub(super) struct NightRunner<'a, 's> {
     /// Notes of scene compilation that were reported already.
     pub(super) reported_notes: BTreeSet<Note>,
     pub(super) summary: NightSummary,
+    /// Number of failed runs in the summary.
+    pub(super) failed: usize,
     /// Number of requests for a checkpoint so far.
     pub(super) checkpoint_requests: u64,
     /// Throughputs of finished runs, for the forecast.
     pub(super) throughput: ThroughputHistory,
     /// Cells and references that have ended, with whatever outcome.
     pub(super) finished: BTreeSet<CellRef>,
-    /// Time of the last forecast.
-    pub(super) last_forecast: Option<Instant>,
+    /// Earliest time of the next forecast.
+    pub(super) next_forecast: Instant,
 }
 
 impl<'a, 's> NightRunner<'a, 's> {
@@ -71,6 +77,12 @@ impl<'a, 's> NightRunner<'a, 's> {
             std::mem::take(&mut options.throughput),
             std::mem::take(&mut options.done),
         );
+        let mut bias_checks: BTreeMap<usize, Vec<(usize, BiasCheck)>> = BTreeMap::new();
+        for (first, check) in plan.references.iter().map(|r| r.bias_check).enumerate() {
+            for (side, check) in check.into_iter().flat_map(|c| [(first, c), (c.with, c)]) {
+                bias_checks.entry(side).or_default().push((first, check));
+            }
+        }
         NightRunner {
             seams,
             plan,
@@ -84,6 +96,8 @@ impl<'a, 's> NightRunner<'a, 's> {
                 .iter()
                 .map(|_| ReferenceState::Pending)
                 .collect(),
+            measured: plan.measured_cells(),
+            bias_checks,
             references_elsewhere: BTreeMap::new(),
             recent_reference: None,
             estimates: BTreeMap::new(),
@@ -94,10 +108,11 @@ impl<'a, 's> NightRunner<'a, 's> {
             scenes: SceneCache::new(plan),
             reported_notes: BTreeSet::new(),
             summary: NightSummary::default(),
+            failed: 0,
             checkpoint_requests: 0,
             throughput,
             finished,
-            last_forecast: None,
+            next_forecast: Instant::now(),
         }
     }
 }
