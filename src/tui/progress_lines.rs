@@ -5,7 +5,7 @@ use std::io::Write;
 use std::time::Instant;
 
 use super::format;
-use super::model::entry::{EntryState, StateCounts};
+use super::model::entry::StateCounts;
 use super::model::night::NightModel;
 use crate::experiment::forecast::Forecast;
 use crate::experiment::outcome::Level;
@@ -20,6 +20,8 @@ const SILENCE_S: f64 = 10.0;
 const SUMMARY_S: f64 = 60.0;
 /// Shortest wall time in seconds between two lines at powers of two.
 const MILESTONE_S: f64 = 2.0;
+/// Shortest wall time in seconds between two lines about the remaining time.
+const REMAINING_S: f64 = 2.0;
 
 /// Verbosity and style of the lines.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -41,6 +43,8 @@ pub struct ProgressLines {
     clock: Clock,
     /// Time of the latest summary of the night.
     summary_s: f64,
+    /// Time of the latest estimate of the remaining time.
+    remaining_s: f64,
     /// Whether the forecast was printed.
     forecast_printed: bool,
 }
@@ -83,6 +87,7 @@ impl ProgressLines {
             last_line_s: BTreeMap::new(),
             clock,
             summary_s,
+            remaining_s: f64::NEG_INFINITY,
             forecast_printed: false,
         }
     }
@@ -215,19 +220,22 @@ impl ProgressLines {
         self.print_remaining(outcome);
     }
 
-    /// After a cell that took time, prints the remaining time of the night.
+    /// After a cell that took time, prints the remaining time of the night, unless the latest
+    /// estimate is recent: it looks at every cell.
     fn print_remaining(&mut self, outcome: &Outcome) {
-        let running = self
-            .model
-            .cells
-            .iter()
-            .chain(&self.model.references)
-            .any(|e| e.state == EntryState::Running);
-        let waiting = StateCounts::from_entries(&self.model.cells).waiting;
-        if !matches!(outcome, Outcome::Done(_)) || running || waiting == 0 {
+        let now_s = (self.clock)();
+        let current = self.model.current.as_ref();
+        let running = current.is_some_and(|current| current.running);
+        let recent = now_s - self.remaining_s < REMAINING_S;
+        if !matches!(outcome, Outcome::Done(_)) || running || recent {
             return;
         }
-        if let Some(eta) = self.model.night_eta((self.clock)()) {
+        self.remaining_s = now_s;
+        let waiting = StateCounts::from_entries(&self.model.cells).waiting;
+        if waiting == 0 {
+            return;
+        }
+        if let Some(eta) = self.model.night_eta(now_s) {
             let at_most = if eta.at_most { "at most " } else { "about " };
             let line = format!(
                 "{} left, {at_most}{}",

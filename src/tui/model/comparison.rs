@@ -1,6 +1,8 @@
 //! Selection of the cells that the chart compares: those that differ only in their technique, as in
 //! the report.
 
+use std::collections::BTreeMap;
+
 use super::column::Column;
 use crate::experiment::PlanOutline;
 use lumbre_light::transport::integrator::{canonical_name, external, integrators};
@@ -12,8 +14,8 @@ pub struct Comparison {
     column: usize,
     /// Number of columns of axes; the repeat number, if there is one, follows.
     axes: usize,
-    /// Distinct values of the compared column in plan order.
-    values: Vec<String>,
+    /// Number of every distinct value of the compared column in plan order.
+    values: BTreeMap<String, usize>,
 }
 
 impl Comparison {
@@ -28,11 +30,10 @@ impl Comparison {
         let names_techniques = |column: &Column| column.values.iter().all(is_technique);
         let column = columns[..axes].iter().position(names_techniques);
         let column = column.or(axes.checked_sub(1))?;
-        let mut values: Vec<String> = Vec::new();
+        let mut values = BTreeMap::new();
         for value in &columns[column].values {
-            if !values.contains(value) {
-                values.push(value.clone());
-            }
+            let next = values.len();
+            values.entry(value.clone()).or_insert(next);
         }
         Some(Comparison {
             column,
@@ -44,8 +45,8 @@ impl Comparison {
     /// Returns the index and the name of a cell's series.
     pub fn series(&self, columns: &[Column], cell: usize) -> Option<(usize, &str)> {
         let value = columns.get(self.column)?.values.get(cell)?;
-        let index = self.values.iter().position(|known| known == value)?;
-        Some((index, &self.values[index]))
+        let (value, index) = self.values.get_key_value(value)?;
+        Some((*index, value))
     }
 
     /// Returns whether two cells differ in nothing but series and repeat number.

@@ -149,6 +149,28 @@ fn a_closed_pipe_is_not_an_error() {
 }
 
 #[test]
+fn the_remaining_time_is_printed_every_two_seconds_at_most() {
+    let depths: Vec<_> = (1..=9).collect();
+    let mut night = NightBuilder::new(Arc::new(night::plan_over(&depths, &[0.5])));
+    for i in 0..9 {
+        night.render(CellRef::Cell(i), 8).finish(
+            CellRef::Cell(i),
+            Some(8),
+            Outcome::Done(EndCause::other("256 spp")),
+        );
+    }
+    let count = |night: &NightBuilder| {
+        let text = lines_of(night, ProgressLineOptions::default());
+        text.lines().filter(|l| l.contains("left, about")).count()
+    };
+    assert_eq!(count(&night), 8);
+    for (_, at_s) in &mut night.events {
+        *at_s /= 100.0;
+    }
+    assert_eq!(count(&night), 1, "a cell takes 0.17 seconds");
+}
+
+#[test]
 fn a_summary_is_printed_once_a_minute() {
     let mut night = NightBuilder::new(Arc::new(night::plan_over(
         &(1..=9).collect::<Vec<_>>(),
