@@ -410,7 +410,8 @@ impl History for Store {
     }
 
     fn release(&self, plan: &Plan, unit: WorkUnit) {
-        let (folder, _) = self.unit_folder(plan, unit);
+        let (folder, name) = self.unit_folder(plan, unit);
+        self.slot_cursors.borrow_mut().remove(&name);
         if let (Some(session), WorkUnit::Run(cell)) = (&self.session, unit) {
             session.write_marker(plan, cell, &folder);
         }

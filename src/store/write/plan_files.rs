@@ -1,5 +1,7 @@
 //! Plans and cells as files: the content of `plan.json` and of `config.json`.
 
+use std::collections::BTreeMap;
+
 use crate::experiment::plan::{Reference, ReferenceSource};
 use crate::experiment::spec::Presentation;
 use crate::experiment::{CellConfig, CellRef, Plan, Point, StopRule};
@@ -17,15 +19,12 @@ use lumbre_render::denoise::Denoise;
 /// Returns the content of `plan.json`.
 pub fn plan_file(plan: &Plan) -> PlanFile {
     let mut stops: Vec<&StopRule> = Vec::new();
+    let mut indices = BTreeMap::new();
     let mut stop_index = |rule| {
-        // Searched from the end, since neighbouring cells mostly have the same rule.
-        stops
-            .iter()
-            .rposition(|known| *known == rule)
-            .unwrap_or_else(|| {
-                stops.push(rule);
-                stops.len() - 1
-            })
+        *indices.entry(format!("{rule:?}")).or_insert_with(|| {
+            stops.push(rule);
+            stops.len() - 1
+        })
     };
     let cells = plan
         .cells

@@ -20,7 +20,7 @@ use crate::experiment::spec::Snapshots;
 use crate::experiment::{CellRef, Event, NightControls, Outcome, Plan, Sink, SinkError, WaveRow};
 use crate::output::{exr, png};
 use crate::store::schema::journal::JournalEvent;
-use crate::store::{RunWriter, Store, StoreError};
+use crate::store::{Host, RunWriter, Store, StoreError};
 use lumbre_light::film::layer::LayerImage;
 use lumbre_light::film::time::TimeCube;
 use lumbre_light::film::{Film, Image};
@@ -39,6 +39,8 @@ pub struct Recorder<'a> {
     logged: Option<CellRef>,
     /// Noise floors of the plan's references that are known so far, by index of the reference.
     floors: BTreeMap<usize, NoiseFloors>,
+    /// Model of this machine's processor.
+    processor: String,
 }
 
 /// Results of a finished run besides its film: the denoised picture, layers and time bins.
@@ -77,6 +79,7 @@ impl<'a> Recorder<'a> {
             open_runs: BTreeMap::new(),
             logged: None,
             floors: BTreeMap::new(),
+            processor: Host::detect().cpu,
         }
     }
 

@@ -11,7 +11,7 @@ use crate::store::schema::journal::named;
 use crate::store::schema::run::{DoneFile, RunResults};
 use crate::store::schema::values::Real;
 use crate::store::schema::{Program, Version};
-use crate::store::{Host, utc};
+use crate::store::utc;
 use crate::text::program;
 use lumbre_light::scene::desc::content_hash;
 use lumbre_render::OpenStats;
@@ -132,7 +132,7 @@ impl Recorder<'_> {
             seed: facts.seed,
             devices: run.open.devices.clone(),
             device: None,
-            processor: Host::detect().cpu,
+            processor: self.processor.clone(),
             open: (&run.open).into(),
             scene_hash: facts.scene_hash.clone(),
             finished: utc(SystemTime::now()),
