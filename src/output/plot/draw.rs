@@ -1,5 +1,7 @@
 //! Draws figures of curves as SVG.
 
+use std::collections::BTreeSet;
+
 use super::axis::{Axis, TickLabel};
 use super::figure::{Figure, Line, Panel};
 use super::style::{FAINT, FRAME, INK, Style};
@@ -413,12 +415,9 @@ fn direct_labels(drawing: &mut Drawing, figure: &Figure, panel: &Panel, area: &P
 
 /// Draws a legend in columns below the panels and returns its bottom.
 fn legend(drawing: &mut Drawing, figure: &Figure, top: f64, width: f64) -> f64 {
-    let is_drawn = |s: &usize| {
-        let lines = figure.panels.iter().flat_map(|panel| &panel.lines);
-        let mut of_series = lines.filter(|line| line.series == *s);
-        of_series.next().is_some() && !figure.series[*s].label.is_empty()
-    };
-    let drawn: Vec<usize> = (0..figure.series.len()).filter(is_drawn).collect();
+    let lines = figure.panels.iter().flat_map(|panel| &panel.lines);
+    let mut drawn: BTreeSet<usize> = lines.map(|line| line.series).collect();
+    drawn.retain(|series| !figure.series[*series].label.is_empty());
     let label = |s: usize| shorten(&figure.series[s].label, LABEL.size, width - LEFT - 26.0);
     let entry_width = |s: usize| text_width(&label(s), LABEL.size) + 26.0;
     let column = drawn.iter().map(|s| entry_width(*s)).fold(40.0, f64::max) + 10.0;

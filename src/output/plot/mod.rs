@@ -104,15 +104,14 @@ pub fn figures(
     let measured = measured_cells(plan, spec, results);
     let grouping = group_axes(plan, spec);
     let split_devices = spec.is_timed() && devices.is_mixed();
-    let mut styles: Vec<AxisPairs> = Vec::new();
+    let mut style_indices: BTreeMap<AxisPairs, usize> = BTreeMap::new();
+    let mut facet_indices: BTreeMap<AxisPairs, usize> = BTreeMap::new();
     // For every facet, its measured cells and their style indices.
     let mut facets: Vec<(AxisPairs, Vec<(usize, usize)>)> = Vec::new();
     for cell in 0..plan.cells.len() {
         let curve = axis_pairs(plan, &grouping.by, cell);
-        let style_index = styles.iter().position(|s| *s == curve).unwrap_or_else(|| {
-            styles.push(curve);
-            styles.len() - 1
-        });
+        let next = style_indices.len();
+        let style_index = *style_indices.entry(curve).or_insert(next);
         if !measured.contains_key(&cell) {
             continue;
         }
@@ -120,14 +119,22 @@ pub fn figures(
         if split_devices {
             facet.push((DEVICE.to_owned(), devices.device_of(cell).to_owned()));
         }
-        match facets.iter_mut().find(|(values, _)| *values == facet) {
-            Some((_, cells)) => cells.push((cell, style_index)),
-            None => facets.push((facet, vec![(cell, style_index)])),
+        let index = *facet_indices.entry(facet.clone()).or_insert(facets.len());
+        if index == facets.len() {
+            facets.push((facet, Vec::new()));
         }
+        facets[index].1.push((cell, style_index));
+    }
+    let mut styles = vec![AxisPairs::new(); style_indices.len()];
+    for (curve, index) in style_indices {
+        styles[index] = curve;
     }
     if matches!(spec.kind, FigureKind::Convergence { .. }) && !split_devices {
         keep_compared(&mut facets);
     }
+    let is_integrator = |axis: &&String| format::is_integrator_axis(plan, axis);
+    let integrator_axes = plan.axes.iter().filter(is_integrator).collect();
+    let biased = plan.biased_references();
     let mut taken = BTreeSet::new();
     facets
         .iter()
@@ -136,6 +143,8 @@ pub fn figures(
                 plan,
                 measured: &measured,
                 styles: &styles,
+                integrator_axes: &integrator_axes,
+                biased: &biased,
                 facet,
                 cells,
             };
@@ -195,6 +204,10 @@ struct FigureData<'a> {
     measured: &'a BTreeMap<usize, &'a CellResult>,
     /// Values that distinguish curves, by style index.
     styles: &'a [AxisPairs],
+    /// Axes whose values are the integrators of the cells.
+    integrator_axes: &'a BTreeSet<&'a String>,
+    /// Notes on biased references.
+    biased: &'a [String],
     facet: &'a [(String, String)],
     /// Indices of the cells and their style indices.
     cells: &'a [(usize, usize)],
@@ -219,14 +232,20 @@ impl FigureData<'_> {
         } else {
             format!("{name}: {facet}")
         };
-        let is_drawn = |index: usize| self.cells.iter().any(|(_, style)| *style == index);
+        let config = |cell: usize| &self.plan.cells[cell].config;
+        let is_raw = |(cell, _): &&(usize, usize)| config(*cell).denoise.is_none();
+        let style_of = |(_, style): &(usize, usize)| *style;
+        let drawn: BTreeSet<usize> = self.cells.iter().map(style_of).collect();
+        // A series is denoised, which makes its pictures biased, if all of its cells are.
+        let raw: BTreeSet<usize> = self.cells.iter().filter(is_raw).map(style_of).collect();
+        let is_drawn = |index: usize| drawn.contains(&index);
         let mut notes = vec![content.notes];
         let entries = (0..self.styles.len()).map(|index| {
             let (mut label, long) = self.label(index);
             if let Some(long) = long.filter(|long| is_drawn(index) && *long != label) {
                 notes.push(format!("{label}: {long}"));
             }
-            if !label.is_empty() && self.is_denoised(index) {
+            if !label.is_empty() && !raw.contains(&index) {
                 label += BIASED;
             }
             SeriesEntry {
@@ -239,7 +258,7 @@ impl FigureData<'_> {
             }
         });
         let series = entries.collect();
-        notes.extend(self.plan.biased_references());
+        notes.extend_from_slice(self.biased);
         notes.retain(|note| !note.is_empty());
         Figure {
             title,
@@ -291,10 +310,10 @@ impl FigureData<'_> {
                     .filter(|first| integrators.all(|other| other == *first));
                 first.map_or((String::new(), None), |name| integrator(name))
             }
-            [(axis, value)] if format::is_integrator_axis(self.plan, axis) => integrator(value),
+            [(axis, value)] if self.integrator_axes.contains(axis) => integrator(value),
             values => {
                 let pair = |(axis, value): &(String, String)| {
-                    if format::is_integrator_axis(self.plan, axis) {
+                    if self.integrator_axes.contains(axis) {
                         report.name(value)
                     } else {
                         format!("{axis} = {}", report.name(value))
@@ -304,12 +323,6 @@ impl FigureData<'_> {
                 (pairs.join(", "), None)
             }
         }
-    }
-
-    /// Whether all cells of a series are denoised, which makes its pictures biased.
-    fn is_denoised(&self, index: usize) -> bool {
-        let mut cells = self.cells.iter().filter(|(_, style)| *style == index);
-        cells.all(|(cell, _)| self.plan.cells[*cell].config.denoise.is_some())
     }
 
     /// Returns the colour that the script gives to a series by one of its values.
@@ -342,9 +355,12 @@ fn metric_labels(column: &str, metric: &MetricSpec) -> [String; 2] {
 
 /// Marks the lines that share a series with another line as thin.
 fn mark_shared(lines: &mut [Line]) {
-    let series: Vec<usize> = lines.iter().map(|line| line.series).collect();
+    let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
+    for line in lines.iter() {
+        *counts.entry(line.series).or_default() += 1;
+    }
     for line in lines {
-        line.thin = series.iter().filter(|s| **s == line.series).count() > 1;
+        line.thin = counts[&line.series] > 1;
     }
 }
 

@@ -1,12 +1,14 @@
 //! Figures over an axis of the sweep: final values of finished runs, with one line for each
 //! combination of the other axes. Axes that are determined by the swept one are ignored.
 
+use std::collections::BTreeMap;
+
 use super::axis::{Axis, Scale};
 use super::figure::{Line, Panel};
 use super::{
     FigureContent, FigureData, MetricPanel, mark_shared, metric_labels, set_axes, subtitle,
 };
-use crate::experiment::spec::{Point, TableValue};
+use crate::experiment::spec::TableValue;
 use crate::output::format;
 use crate::output::metric_display::MetricDisplay;
 use crate::output::quantity::{self, Bound, RunValue};
@@ -16,8 +18,6 @@ use lumbre_light::value::Value;
 /// Runs of one line.
 struct SweepLine {
     style_index: usize,
-    /// Point that its cells share: without the swept axis and the axes determined by it.
-    common: Point,
     /// Indices of values of the swept axis, each with the cells of its repeats.
     positions: Vec<(usize, Vec<usize>)>,
 }
@@ -35,6 +35,8 @@ struct SweepPoint {
 /// Values of the swept axis that anything was measured at, in plan order.
 struct SweptValues {
     values: Vec<Value>,
+    /// Index of every value by its hash.
+    indices: BTreeMap<[u8; 32], usize>,
     /// The values as numbers, if all are finite numbers.
     numbers: Option<Vec<f64>>,
 }
@@ -42,18 +44,24 @@ struct SweptValues {
 impl SweptValues {
     fn new(data: &FigureData, over: &str) -> SweptValues {
         let mut values: Vec<Value> = Vec::new();
+        let mut indices = BTreeMap::new();
         for (cell, _) in data.cells {
-            if let Some(value) =
-                format::axis_value(data.plan, *cell, over).filter(|value| !values.contains(value))
-            {
-                values.push(value.clone());
+            if let Some(value) = format::axis_value(data.plan, *cell, over) {
+                indices.entry(hash([value])).or_insert_with(|| {
+                    values.push(value.clone());
+                    values.len() - 1
+                });
             }
         }
         let numbers = values
             .iter()
             .map(|v| v.as_f64().filter(|x| x.is_finite()))
             .collect();
-        SweptValues { values, numbers }
+        SweptValues {
+            values,
+            indices,
+            numbers,
+        }
     }
 
     /// Returns the axis that covers the drawn values.
@@ -88,7 +96,7 @@ pub(super) fn figure(
     remarks: &[String],
 ) -> (FigureContent, String) {
     let swept = SweptValues::new(data, over);
-    let lines = lines(data, over, dependent, &swept.values);
+    let lines = lines(data, over, dependent, &swept);
     let mut csv = crate::text::csv_line(&super::csv_header(data.plan));
     let mut panels = Vec::new();
     let mut scales = Vec::new();
@@ -199,40 +207,51 @@ fn drawn_lines(
 }
 
 /// Groups the cells into lines.
-fn lines(data: &FigureData, over: &str, dependent: &[String], values: &[Value]) -> Vec<SweepLine> {
+fn lines(
+    data: &FigureData,
+    over: &str,
+    dependent: &[String],
+    swept: &SweptValues,
+) -> Vec<SweepLine> {
     let mut lines: Vec<SweepLine> = Vec::new();
+    // Lines by the point that their cells share: without the swept axis and the axes determined by
+    // it.
+    let mut by_point: BTreeMap<[u8; 32], usize> = BTreeMap::new();
     for (cell, style_index) in data.cells {
-        let point = &data.plan.cells[*cell].point;
-        let common: Point = point
-            .iter()
-            .filter(|(axis, _)| axis != over && !dependent.contains(axis))
-            .cloned()
-            .collect();
-        let own = format::axis_value(data.plan, *cell, over);
-        let Some(position) = values.iter().position(|value| Some(value) == own) else {
+        let Some(value) = format::axis_value(data.plan, *cell, over) else {
             continue;
         };
-        let line = lines
-            .iter()
-            .position(|line| line.common == common)
-            .unwrap_or_else(|| {
-                lines.push(SweepLine {
-                    style_index: *style_index,
-                    common,
-                    positions: Vec::new(),
-                });
-                lines.len() - 1
+        let position = swept.indices[&hash([value])];
+        let point = data.plan.cells[*cell].point.iter();
+        let common = point.filter(|(axis, _)| axis != over && !dependent.contains(axis));
+        let common = hash(common.map(|(_, value)| value));
+        let line = *by_point.entry(common).or_insert_with(|| {
+            lines.push(SweepLine {
+                style_index: *style_index,
+                positions: Vec::new(),
             });
+            lines.len() - 1
+        });
+        // Searched from the end, since repeats of a point follow one another.
         match lines[line]
             .positions
             .iter_mut()
-            .find(|(known, _)| *known == position)
+            .rfind(|(known, _)| *known == position)
         {
             Some((_, cells)) => cells.push(*cell),
             None => lines[line].positions.push((position, vec![*cell])),
         }
     }
     lines
+}
+
+/// Returns the hash of some values.
+fn hash<'a>(values: impl IntoIterator<Item = &'a Value>) -> [u8; 32] {
+    let mut hasher = blake3::Hasher::new();
+    values
+        .into_iter()
+        .for_each(|value| value.hash_into(&mut hasher));
+    hasher.finalize().into()
 }
 
 /// Computes the points of every line and the vertical scale. Returns `None` for a metric that is
