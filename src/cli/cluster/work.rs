@@ -528,7 +528,7 @@ mod tests {
             hash([failed(0), failed(1)]),
         ];
         assert_eq!(different.iter().collect::<BTreeSet<_>>().len(), 4);
-        // Workers agree whoever rendered a run, and in whatever order they found the results.
+        // Workers agree on runs of others, and on results that they found in another order.
         assert_eq!(hash([finished(1), finished(0)]), different[0]);
         assert_eq!(hash([cached(0), finished(1)]), different[0]);
     }

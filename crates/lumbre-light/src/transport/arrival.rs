@@ -250,7 +250,8 @@ impl<'a, R: Lanes<N>, const N: usize> Arrival<'a, R, N> {
             let hits = &self.hits;
             let origins = store_vectors::<R, N>(hits.origin);
             let directions = store_vectors::<R, N>(hits.dir);
-            let (t, [v, w]) = (hits.t.store(), hits.uv.map(|x| x.store()));
+            let [v, w] = hits.uv;
+            let (t, v, w) = (hits.t.store(), v.store(), w.store());
             for (i, share) in acceptance.iter_mut().enumerate() {
                 let ray = Ray {
                     origin: origins[i],

@@ -10,7 +10,7 @@ use crate::scene::fixtures::{mesh, scene};
 use crate::transport::light::Lights;
 use crate::transport::ray::offset_origin;
 
-/// How far a mesh reaches and an instance of it is moved, in scene units.
+/// Extent of a mesh and distance by which an instance of it is moved, in scene units.
 const FAR: f32 = 1e4;
 
 /// Returns two instances of a mesh of a large and a small triangle, the second of which was moved

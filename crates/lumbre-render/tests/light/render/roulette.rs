@@ -51,7 +51,8 @@ fn hits(scene: &Arc<CompiledScene>, name: &str, rr_start: u32) -> Vec<usize> {
     hits.collect()
 }
 
-/// Every edge after number `rr_start` exists with the albedo as its probability.
+/// After edge number `rr_start` a path goes on with its throughput as the probability, which restores
+/// a throughput of one; every later edge exists with the albedo as its probability.
 #[test]
 fn roulette_may_end_a_path_after_the_edge_that_the_job_states() {
     let albedo = 0.2f64;
@@ -62,9 +63,10 @@ fn roulette_may_end_a_path_after_the_edge_that_the_job_states() {
             let hits = hits(&scene, name, rr_start);
             let n = hits.len() as f64;
             let mean = hits.iter().sum::<usize>() as f64 / n;
-            let expected = f64::from(rr_start) + albedo / (1.0 - albedo);
-            // Five standard errors of a geometric distribution.
-            let margin = 5.0 * (albedo / n).sqrt() / (1.0 - albedo);
+            let first = albedo.powi(rr_start as i32);
+            let expected = f64::from(rr_start) + first / (1.0 - albedo);
+            // Five standard errors: the further edges have a geometric distribution if there are any.
+            let margin = 5.0 * (first * (1.0 + albedo) / n).sqrt() / (1.0 - albedo);
             let what = format!("{name} after edge {rr_start}");
             assert!(
                 (mean - expected).abs() < margin,
