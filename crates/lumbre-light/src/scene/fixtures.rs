@@ -30,7 +30,7 @@ pub fn scene(shapes: &[(ShapeDesc, Vec3)], material: MaterialDesc) -> SceneDesc 
             target: Vec3::ZERO,
             ..CameraDesc::default()
         },
-        materials: vec![material],
+        materials: vec![material].into(),
         entities: shapes.iter().enumerate().map(entity).collect(),
         lights: Vec::new(),
         environment: None,
