@@ -10,8 +10,8 @@ use std::collections::BTreeMap;
 use super::WaveRow;
 use super::outcome::CellRef;
 use super::plan::Plan;
-use super::spec::CellConfig;
 use super::stop::StopRule;
+use lumbre_render::Settings;
 
 /// Properties of a run by which throughputs are looked up.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -28,7 +28,7 @@ pub struct WorkloadKey {
 
 impl WorkloadKey {
     /// Returns the key of a run.
-    pub fn from_config(config: &CellConfig) -> WorkloadKey {
+    pub fn from_config(config: &Settings) -> WorkloadKey {
         WorkloadKey {
             integrator: config.integrator.clone(),
             scene: config.scene.clone(),
@@ -193,7 +193,7 @@ pub fn forecast(
 
 /// Estimates the time of one run; `None` if nothing is known of it.
 fn forecast_run(
-    config: &CellConfig,
+    config: &Settings,
     stop: &StopRule,
     history: &ThroughputHistory,
 ) -> Option<Forecast> {
@@ -287,8 +287,8 @@ mod tests {
     use crate::experiment::stop::Comparison;
     use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 
-    fn config(integrator: &str, scene: &str, max_depth: u32) -> CellConfig {
-        CellConfig {
+    fn config(integrator: &str, scene: &str, max_depth: u32) -> Settings {
+        Settings {
             scene: scene.to_owned(),
             scene_file: scene.into(),
             scene_options: BTreeMap::new(),
@@ -325,7 +325,7 @@ mod tests {
 
     fn seconds(
         history: &ThroughputHistory,
-        config: &CellConfig,
+        config: &Settings,
         stop: &StopRule,
     ) -> Option<(f64, bool, bool)> {
         forecast_run(config, stop, history)

@@ -9,12 +9,13 @@ use std::sync::Arc;
 
 use super::outcome::CellRef;
 use super::plan::{Plan, ReferenceSource};
-use super::spec::{CellConfig, Point};
+use super::spec::Point;
 use super::stop::StopRule;
 use lumbre_light::scene::SceneDesc;
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
+use lumbre_render::Settings;
 
 /// A stop rule and its description.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,7 +48,7 @@ pub struct CellOutline {
     /// Index of the reference that the cell is measured against.
     pub reference: Option<usize>,
     /// Render settings, if known.
-    pub config: Option<Arc<CellConfig>>,
+    pub config: Option<Arc<Settings>>,
     /// Scene with the cell's changes applied, if known.
     pub scene: Option<Arc<SceneDesc>>,
 }
@@ -60,7 +61,7 @@ pub struct ReferenceOutline {
     /// Image file, if it is not rendered.
     pub file: Option<PathBuf>,
     /// Render settings, if it is rendered.
-    pub config: Option<Arc<CellConfig>>,
+    pub config: Option<Arc<Settings>>,
     /// Scene with all changes applied, if known.
     pub scene: Option<Arc<SceneDesc>>,
     /// Stop rule, if it is rendered.
@@ -223,7 +224,7 @@ impl PlanOutline {
     }
 
     /// Render settings of a cell or reference, if known.
-    pub fn config(&self, cell: CellRef) -> Option<&Arc<CellConfig>> {
+    pub fn config(&self, cell: CellRef) -> Option<&Arc<Settings>> {
         match cell {
             CellRef::Cell(i) => self.cells.get(i)?.config.as_ref(),
             CellRef::Reference(i) => self.references.get(i)?.config.as_ref(),

@@ -8,16 +8,11 @@ pub use super::figure_x::FigureX;
 use super::outcome::WaveRow;
 use super::stop::StopRule;
 pub use super::table_value::{RunColumn, TableValue};
-use lumbre_light::film::layer::Layer;
-use lumbre_light::transport::camera::FilterSpec;
-use lumbre_light::transport::path_time::Timing;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::duration_s;
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
-use lumbre_render::denoise::{Denoise, rendered_layers};
-use lumbre_render::hierarchy::AccelSpec;
-use lumbre_render::shaders::Shaders;
+use lumbre_render::Settings;
 
 /// A point of the sweep: axis names and values in the order in which the axes were declared.
 pub type Point = Vec<(String, Value)>;
@@ -355,62 +350,13 @@ pub struct TableSpec {
     pub formats: Vec<TableFormat>,
 }
 
-/// Render settings of one cell: the script's `render` table, typed.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CellConfig {
-    /// Scene as written in the script.
-    pub scene: String,
-    /// Resolved path of the scene file.
-    pub scene_file: PathBuf,
-    /// Values for the options that a Lua scene offers.
-    pub scene_options: BTreeMap<String, Value>,
-    /// Name of a table row of [`INTEGRATORS`](lumbre_light::transport::integrator::INTEGRATORS).
-    pub integrator: String,
-    /// Parameters of the integrator, checked against its table row.
-    pub params: BTreeMap<String, Value>,
-    /// Greatest number of path edges; `None` for the value of the scene.
-    pub max_depth: Option<u32>,
-    /// Width and height in pixels; `None` for the value of the scene.
-    pub resolution: Option<[u32; 2]>,
-    /// First path edge with Russian roulette; `None` for never.
-    pub rr_start: Option<u32>,
-    /// Pixel reconstruction filter.
-    pub filter: FilterSpec,
-    /// Layers that are stored beside the picture, in the order of
-    /// [`LAYERS`](lumbre_light::film::layer::LAYERS), without repetition.
-    pub films: Vec<Layer>,
-    /// Time axis of the film, if it is time-resolved.
-    pub timing: Option<Timing>,
-    /// Denoiser of the picture, if any.
-    pub denoise: Option<Denoise>,
-    /// Name of a table row of [`SAMPLERS`](lumbre_light::transport::sampler::SAMPLERS).
-    pub sampler: String,
-    /// Settings of the bounding volume hierarchy and its traversal.
-    pub accel: AccelSpec,
-    /// Shaders of backends of devices.
-    pub shaders: Shaders,
-    /// Changes to the scene by path, including those of `camera`.
-    pub set: BTreeMap<String, Value>,
-    /// Name of a backend, or `auto`.
-    pub backend: String,
-    /// Backend that takes over if `backend` fails; present if the script asked for `auto`.
-    pub fallback: Option<&'static str>,
-}
-
-impl CellConfig {
-    /// Returns the layers that are rendered: those that are stored, and the guides of a denoiser.
-    pub fn rendered_layers(&self) -> Vec<Layer> {
-        rendered_layers(&self.films, self.denoise.as_ref())
-    }
-}
-
 /// The reference that a cell is measured against.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ReferenceRequest {
     /// A picture that Lumbre renders first and stores.
     Render {
         /// Resolved render settings.
-        config: Box<CellConfig>,
+        config: Box<Settings>,
         /// When the reference is finished.
         stop: StopRule,
         /// Comparison with a second technique, if requested (`agree` in scripts).
@@ -432,7 +378,7 @@ pub enum ReferenceRequest {
 #[derive(Clone, Debug, PartialEq)]
 pub struct BiasCheckRequest {
     /// Render settings: the picture of the reference by another technique.
-    pub config: CellConfig,
+    pub config: Settings,
     /// When the second picture is finished.
     pub stop: StopRule,
     /// False discovery rate: the expected share of blocks reported as different that differ only by
@@ -457,7 +403,7 @@ pub trait ScriptHooks {
     ///
     /// # Errors
     /// When the script's function fails or its table is wrong.
-    fn render(&self, point: &Point) -> Result<CellConfig, HookError>;
+    fn render(&self, point: &Point) -> Result<Settings, HookError>;
 
     /// Reference of this point, if the script defines one.
     ///

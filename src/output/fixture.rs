@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::experiment::plan::{Cell, CellIdentity, Plan, RunId};
-use crate::experiment::spec::{CellConfig, MeasureSpec, Snapshots};
+use crate::experiment::spec::{MeasureSpec, Snapshots};
 use crate::experiment::{CellRef, CellResult, EndCause, Outcome, StopRule, WaveRow};
 use lumbre_light::scene::SceneDesc;
 use lumbre_light::scene::desc::{CameraDesc, Optics};
@@ -16,6 +16,7 @@ use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
 use lumbre_render::OpenStats;
+use lumbre_render::Settings;
 
 /// Name of an axis and its values.
 pub type AxisValues<'a> = (&'a str, Vec<Value>);
@@ -95,7 +96,7 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
         repeat,
         double_of: None,
         seed: 100 + index as u64,
-        config: Arc::new(CellConfig {
+        config: Arc::new(Settings {
             scene_options: BTreeMap::new(),
             scene: "box".to_owned(),
             scene_file: PathBuf::from("scenes/box.scn"),

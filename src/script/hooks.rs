@@ -7,7 +7,6 @@ use std::rc::Rc;
 use mlua::{Function, Lua, Value as LuaValue};
 
 use super::api::builder::{Reference, RenderedReference, Stop};
-use super::api::find::find_file;
 use super::api::render;
 use super::api::stop_rule::{cell_rules, reference_rules, rule_from_value};
 use super::error::ScriptError;
@@ -16,10 +15,12 @@ use super::source::SourcePlace;
 use super::state::{Shared, missing_name};
 use super::{Script, strict};
 use crate::experiment::spec::{BiasCheckRequest, HookError, Point, ReferenceRequest, ScriptHooks};
-use crate::experiment::{CellConfig, StopRule, WaveRow};
+use crate::experiment::{StopRule, WaveRow};
 use lumbre_light::transport::integrator::{UNBIASED_REFERENCE, bias_of};
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::SchemaError;
+use lumbre_render::Settings;
+use lumbre_render::settings::find::find_file;
 
 /// Creates the metatable of points. Reading an axis that does not exist, and changing a point, are
 /// errors.
@@ -246,13 +247,13 @@ impl Script {
     }
 
     /// Converts a render table to the settings of a cell. Error paths begin with `path`.
-    fn cell_config(
+    fn settings(
         &self,
         table: &BTreeMap<String, Value>,
         path: &str,
-    ) -> Result<CellConfig, SchemaError> {
+    ) -> Result<Settings, SchemaError> {
         let externals = &self.shared.builder.borrow().externals;
-        render::cell_config(table, &self.shared.folder, externals, path)
+        render::settings(table, &self.shared.folder, externals, path)
     }
 
     /// Returns the configuration of the second picture of a bias check: the reference's render
@@ -262,10 +263,10 @@ impl Script {
         reference: &BTreeMap<String, Value>,
         changes: &BTreeMap<String, Value>,
         place: &SourcePlace,
-    ) -> Result<CellConfig, ScriptError> {
+    ) -> Result<Settings, ScriptError> {
         const PATH: &str = "reference.agree.with";
         let mut common = reference.clone();
-        common.retain(|key, _| render::is_common(key));
+        common.retain(|key, _| render::is_setting(key));
         if let Some(Value::Str(name)) = changes.get("integrator") {
             let externals = &self.shared.builder.borrow().externals;
             render::check_integrator(name, externals, PATH).map_err(|mut error| {
@@ -273,7 +274,7 @@ impl Script {
                 self.locate_error(place, error)
             })?;
         }
-        self.cell_config(&render::merge(&common, changes), PATH)
+        self.settings(&render::merge(&common, changes), PATH)
             .map_err(|e| self.locate_error(place, e))
     }
 
@@ -283,12 +284,12 @@ impl Script {
         &self,
         from: Option<&Function>,
         point: &Point,
-    ) -> Result<(BTreeMap<String, Value>, CellConfig), ScriptError> {
+    ) -> Result<(BTreeMap<String, Value>, Settings), ScriptError> {
         const PATH: &str = "reference.from";
         let (own, own_place) = self.render_table(point)?;
         let Some(from) = from else {
             let own = unbiased(render::merge(&own, &BTreeMap::new()));
-            let config = self.cell_config(&own, "render");
+            let config = self.settings(&own, "render");
             let config = config.map_err(|e| self.locate_error(&own_place, e))?;
             return Ok((own, config));
         };
@@ -303,7 +304,7 @@ impl Script {
             false => unbiased(own),
         };
         let merged = render::merge(&own, &overrides);
-        let config = self.cell_config(&merged, PATH).map_err(|e| {
+        let config = self.settings(&merged, PATH).map_err(|e| {
             // A field that is not in the overrides comes from the render function.
             let field = e
                 .path
@@ -534,9 +535,9 @@ impl ScriptHooks for Script {
         )
     }
 
-    fn render(&self, point: &Point) -> Result<CellConfig, HookError> {
+    fn render(&self, point: &Point) -> Result<Settings, HookError> {
         hook_result(self.render_table(point).and_then(|(map, place)| {
-            self.cell_config(&map, "render")
+            self.settings(&map, "render")
                 .map_err(|e| self.locate_error(&place, e))
         }))
     }
@@ -575,7 +576,7 @@ impl ScriptHooks for Script {
 fn unbiased(mut table: BTreeMap<String, Value>) -> BTreeMap<String, Value> {
     let name = table.get("integrator").and_then(Value::as_str);
     if name.and_then(bias_of).is_some() {
-        table.retain(|key, _| render::is_common(key));
+        table.retain(|key, _| render::is_setting(key));
         table.insert("integrator".to_owned(), UNBIASED_REFERENCE.into());
     }
     table

@@ -45,12 +45,13 @@ pub use limits::Limits;
 pub use literal::literal;
 pub use reference::reference;
 
-use crate::experiment::{CellConfig, ExperimentSpec};
+use crate::experiment::ExperimentSpec;
 use crate::paths::folder_of;
 use api::builder::{Builder, Externals};
 use kind::kind;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::SchemaError;
+use lumbre_render::Settings;
 use state::{Purpose, Shared};
 
 /// Checks a render table as scripts return it, and converts it. Relative files are searched in the
@@ -62,8 +63,8 @@ use state::{Purpose, Shared};
 pub fn render_settings(
     table: &BTreeMap<String, Value>,
     folder: &Path,
-) -> Result<CellConfig, SchemaError> {
-    api::render::cell_config(table, folder, &Externals::new(), "render")
+) -> Result<Settings, SchemaError> {
+    api::render::settings(table, folder, &Externals::new(), "render")
 }
 
 /// Loaded script: its experiment, and the Lua state with its functions.

@@ -50,7 +50,6 @@ pub use read::night_index::{
     read_run,
 };
 pub use read::night_reader::NightReader;
-pub use read::outline::cell_config;
 pub use read::run_reader::{Integrity, Measurements, RunReader};
 pub use read::throughput_history::throughput_history;
 

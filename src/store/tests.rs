@@ -13,7 +13,7 @@ use super::*;
 use crate::experiment::event::History;
 use crate::experiment::plan::{Cell, CellIdentity, Reference, ReferenceSource};
 use crate::experiment::run_progress::Claim;
-use crate::experiment::spec::{CellConfig, MeasureSpec, Snapshots};
+use crate::experiment::spec::{MeasureSpec, Snapshots};
 use crate::experiment::{CellRef, Plan, RunId, StopRule, WaveRow};
 use lumbre_light::film::Image;
 use lumbre_light::scene::SceneDesc;
@@ -21,6 +21,7 @@ use lumbre_light::scene::desc::{CameraDesc, Optics};
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::value::Value;
 use lumbre_metrics::tonemap::Tonemap;
+use lumbre_render::Settings;
 
 pub(super) fn decode(bytes: &[u8]) -> Result<Image, String> {
     match bytes {
@@ -29,8 +30,8 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Image, String> {
     }
 }
 
-fn config() -> Arc<CellConfig> {
-    Arc::new(CellConfig {
+fn config() -> Arc<Settings> {
+    Arc::new(Settings {
         scene_options: Default::default(),
         scene: "scenes/box.scn".into(),
         scene_file: "scenes/box.scn".into(),
@@ -447,7 +448,7 @@ fn runs_are_found_by_folder_and_by_the_first_digits() {
     finish_run(&store, &plan, 1);
     let record = read_run(dir.path(), "AA1").unwrap();
     assert_eq!(record.config.run, "aa11");
-    assert_eq!(record.config.render.as_ref().unwrap().aa.filter, "box");
+    assert_eq!(record.config.settings().unwrap().filter.kind.name(), "box");
     let rows = &record.measurements.rows;
     assert_eq!(rows.len(), 2);
     assert_eq!(rows[1].first_invalid, Some([1, 2, 3]));

@@ -369,9 +369,9 @@ pub fn timing(start: f64, bin: f64, bins: u32) -> Timing {
 pub fn timed_job(name: &str, timing: Timing, size: [u32; 2], depth: u32, seed: u64) -> Job {
     Job {
         integrator: integrator(name).unwrap(),
-        timing: Some(timing),
         ..job(size, depth, seed)
     }
+    .with(|settings| settings.timing = Some(timing))
 }
 
 /// Renders waves of these numbers of samples. Panics if a sample is invalid.

@@ -40,9 +40,9 @@ fn hierarchies_are_built_as_requested_and_all_give_the_same_picture() {
     let with = |spec: AccelSpec| -> (OpenStats, Vec<[f64; 3]>) {
         let job = Job {
             integrator: integrator("bpt").unwrap(),
-            accel: spec,
             ..job([24, 16], 3, 5)
-        };
+        }
+        .with(|settings| settings.accel = spec);
         let mut renderer = VulkanRenderer::new(
             &device,
             TracingMode::Compute,

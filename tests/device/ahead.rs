@@ -116,19 +116,13 @@ fn speculative_work_does_not_change_layers_and_films_with_a_time_axis() {
         ..technique_job(name, 5)
     };
     // These jobs have the same pipelines as other tests.
-    let layers = Job {
-        layers: vec![Layer::Depth, Layer::Rays],
-        ..small("nee")
-    };
+    let layers = small("nee").with(|settings| settings.films = vec![Layer::Depth, Layer::Rays]);
     let timing = Some(harness::timing(1.0, 0.2, 60));
     let mut scene = room();
     harness::add_delays(Arc::make_mut(&mut scene));
     for job in [
         layers,
-        Job {
-            timing,
-            ..small("nee")
-        },
+        small("nee").with(|settings| settings.timing = timing),
     ] {
         let open = || {
             VulkanRenderer::new(

@@ -221,12 +221,14 @@ fn every_material_light_camera_and_filter_gives_the_light_of_the_cpu_at_every_de
             };
             let plain = technique_job(row.name, 20 + i as u64);
             let job = Job {
-                filter,
                 sampler,
-                layers: vec![Layer::Depth],
                 resolution: [32, 20],
                 ..plain
-            };
+            }
+            .with(|settings| {
+                settings.filter = filter;
+                settings.films = vec![Layer::Depth];
+            });
             let name = format!("{} under {lamp}", row.name);
             let (found, expected) = both(&device, &scene, &job, 8);
             if matches!(lamp, "points" | "directions") && row.name == "bpt" {

@@ -180,9 +180,9 @@ pub fn scene_with_all_lights() -> Arc<CompiledScene> {
 pub fn technique_job(name: &str, seed: u64) -> Job {
     Job {
         integrator: integrator(name).unwrap(),
-        rr_start: Some(3),
         ..job([64, 36], 5, seed)
     }
+    .with(|settings| settings.rr_start = Some(3))
 }
 
 #[test]
@@ -240,10 +240,7 @@ fn nee_renders_the_samples_of_the_cpu_with_all_lights_masks_textures_and_a_lens(
         &[TracingMode::Pipeline, TracingMode::Query],
         "nee",
         &scene_with_all_lights(),
-        &Job {
-            filter,
-            ..technique_job("nee", 2)
-        },
+        &technique_job("nee", 2).with(|settings| settings.filter = filter),
         8,
     );
 }
@@ -288,10 +285,7 @@ fn all_kinds_of_cameras_show_the_picture_of_the_cpu() {
                 &[TracingMode::Pipeline],
                 &format!("{name}, {}", kind.name()),
                 &seen_by(kind),
-                &Job {
-                    filter,
-                    ..technique_job(name, 4)
-                },
+                &technique_job(name, 4).with(|settings| settings.filter = filter),
                 4,
             );
         }
@@ -306,11 +300,11 @@ fn layers_and_sobol_samples_are_those_of_the_cpu() {
     let layers: Vec<Layer> = LAYERS.iter().map(|row| row.layer).collect();
     // This job has the same pipeline as one in `corners.rs`.
     let job = Job {
-        layers,
         sampler: SOBOL,
         resolution: [24, 16],
         ..technique_job("bdpt", 4)
-    };
+    }
+    .with(|settings| settings.films = layers);
     let scene = balls("environment");
     let mut cpu = CpuRenderer::new(Arc::clone(&scene), job.clone()).unwrap();
     cpu.advance(4).unwrap();
@@ -379,10 +373,9 @@ fn scenes_seeds_and_sizes_share_a_pipeline_and_techniques_reuse_theirs() {
         },
     );
     assert_eq!(device.pipeline_registry.count(), 1);
-    let late = Job {
-        timing: Some(harness::timing(0.0, 1.0, 8)),
-        ..plain.clone()
-    };
+    let late = plain
+        .clone()
+        .with(|settings| settings.timing = Some(harness::timing(0.0, 1.0, 8)));
     film(0.0, late.clone());
     assert_eq!(
         device.pipeline_registry.count(),
@@ -418,10 +411,12 @@ fn a_run_resumed_from_a_checkpoint_has_the_same_bits() {
         };
         VulkanRenderer::new(&exact, kind, &harness::sources(), &scene, job).unwrap()
     };
-    let small = |name: &str, layers: &[Layer]| Job {
-        layers: layers.to_vec(),
-        resolution: [20, 14],
-        ..technique_job(name, 5)
+    let small = |name: &str, layers: &[Layer]| {
+        Job {
+            resolution: [20, 14],
+            ..technique_job(name, 5)
+        }
+        .with(|settings| settings.films = layers.to_vec())
     };
     let splats = small("bdpt", &[]);
     let mut last = None;

@@ -1,7 +1,6 @@
 //! Samples of `lvc` share light subpaths, which a device traces before each of them and lists in an
 //! order that depends on nothing but the scene, the job and the sample.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::Vec3;
@@ -27,9 +26,9 @@ fn job(resolution: [u32; 2], params: &[(&str, f64)]) -> Job {
         .map(|(key, value)| ((*key).to_owned(), Value::Num(*value)));
     Job {
         resolution,
-        params: params.collect::<BTreeMap<_, _>>(),
         ..technique_job("lvc", 21)
     }
+    .with(|settings| settings.params = params.collect())
 }
 
 fn open(device: &Arc<Device>, scene: &CompiledScene, job: &Job) -> VulkanRenderer {
@@ -91,9 +90,9 @@ fn long_lists_of_vertices_are_those_of_the_cpu() {
         .build();
     let job = Job {
         max_depth: 3,
-        rr_start: None,
         ..job([12, 10], &[("photons", 70_000.0)])
-    };
+    }
+    .with(|settings| settings.rr_start = None);
     let kind = harness::fastest_to_compile(&device);
     let found = render(&device, kind, &scene, &job, 1);
     compare_loosely("a long list", &found, &common::render(&scene, job, 1));
@@ -108,9 +107,9 @@ fn waves_and_checkpoints_do_not_change_the_bits_of_shared_subpaths() {
     let scene = room();
     let job = Job {
         sampler: SOBOL,
-        layers: vec![Layer::Depth, Layer::Strategies],
         ..job([20, 14], &[("photons", 300.0)])
-    };
+    }
+    .with(|settings| settings.films = vec![Layer::Depth, Layer::Strategies]);
     let mut whole = open(&device, &scene, &job);
     let rays = whole.advance(5).unwrap().rays;
     let mut first = open(&device, &scene, &job);

@@ -106,11 +106,10 @@ fn regenerated_paths_have_the_bits_of_samples_in_turn() {
         resolution: [21, 13],
         ..technique_job(name, 83)
     };
-    let with_films = Job {
-        layers: vec![Layer::Depth, Layer::Rays],
-        timing: Some(harness::timing(0.0, 1.0, 8)),
-        ..plain("nee")
-    };
+    let with_films = plain("nee").with(|settings| {
+        settings.films = vec![Layer::Depth, Layer::Rays];
+        settings.timing = Some(harness::timing(0.0, 1.0, 8));
+    });
     for job in [plain("bpt"), plain("nee"), plain("bdpt"), with_films] {
         compare(&device, kind, &scene, &job, PixelSamples::Regenerated);
     }
@@ -131,9 +130,9 @@ fn invalid_samples_at_once_are_refused_as_those_in_turn() {
         .build();
     let job = Job {
         resolution: [21, 13],
-        rr_start: Some(1),
         ..technique_job("bpt", 82)
-    };
+    }
+    .with(|settings| settings.rr_start = Some(1));
     let kind = harness::fastest_to_compile(&device);
     for schedule in [PARALLEL, PixelSamples::Regenerated] {
         let invalid = compare(&device, kind, &scene, &job, schedule);

@@ -53,9 +53,9 @@ fn samples_have_the_same_steps_and_vertices_on_every_backend() {
     for row in INTEGRATORS.iter().filter(|row| harness::renders(row)) {
         let job = Job {
             resolution: [16, 12],
-            timing: Some(timing(0.0, 1.0, 1)),
             ..technique_job(row.name, 11)
-        };
+        }
+        .with(|settings| settings.timing = Some(timing(0.0, 1.0, 1)));
         let rows = (0..12u32).flat_map(|y| [(y, 0u64), (y, 5 + (u64::from(y) << 33))]);
         let samples: Vec<SampleAt> = rows
             .flat_map(|(y, sample)| {

@@ -61,9 +61,9 @@ fn paths_of_hundreds_of_edges_bring_the_light_that_they_bring_on_the_cpu() {
     let long = Job {
         resolution: [16, 12],
         max_depth: 160,
-        rr_start: None,
         ..technique_job("bdpt", 34)
-    };
+    }
+    .with(|settings| settings.rr_start = None);
     let short = Job {
         max_depth: 60,
         ..long.clone()

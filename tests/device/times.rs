@@ -124,10 +124,10 @@ fn every_integrator_fills_the_bins_of_the_cpu() {
     ];
     for (i, (name, timing, samples)) in cases.into_iter().enumerate() {
         let job = Job {
-            timing: Some(timing),
             resolution: [32, 20],
             ..technique_job(name, 40 + i as u64)
-        };
+        }
+        .with(|settings| settings.timing = Some(timing));
         let mut cpu = CpuRenderer::new(Arc::clone(&scene), job.clone()).unwrap();
         cpu.advance(samples).unwrap();
         let expected = cpu.times().unwrap();
@@ -200,10 +200,10 @@ fn bins_resumed_from_a_checkpoint_have_the_same_bits_and_wide_filters_fill_all_s
         ..timing(1.0, 0.2, 60)
     };
     let job = Job {
-        timing: Some(wide),
         resolution: [20, 14],
         ..technique_job("nee", 7)
-    };
+    }
+    .with(|settings| settings.timing = Some(wide));
     let kind = harness::fastest_to_compile(&device);
     let mut whole = open(&device, kind, &scene, &job);
     whole.advance(4).unwrap();
@@ -229,10 +229,8 @@ fn bins_that_do_not_fit_are_refused_with_both_sizes() {
     let mut small = device.info.clone();
     small.limits.storage_range = 1 << 20;
     let small = Device::open(small, device.info.caps).unwrap();
-    let job = Job {
-        timing: Some(timing(0.0, 1e-3, 5000)),
-        ..technique_job("bpt", 1)
-    };
+    let job =
+        technique_job("bpt", 1).with(|settings| settings.timing = Some(timing(0.0, 1e-3, 5000)));
     let error = VulkanRenderer::new(
         &small,
         TracingMode::Compute,
@@ -256,10 +254,10 @@ fn bins_that_do_not_fit_are_refused_with_both_sizes() {
     };
     let limited = Device::open(device.info.clone(), limited).unwrap();
     let job = Job {
-        timing: Some(timing(0.0, 1.0, 4)),
         resolution: [8, 8],
         ..technique_job("bpt", 1)
-    };
+    }
+    .with(|settings| settings.timing = Some(timing(0.0, 1.0, 4)));
     let error = VulkanRenderer::new(
         &limited,
         TracingMode::Compute,

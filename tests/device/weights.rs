@@ -62,7 +62,8 @@ fn weighted_job(mis: &str, max_depth: u32) -> Job {
         max_depth,
         ..technique_job("bdpt", 90)
     };
-    job.params
+    job.settings
+        .params
         .insert("mis".to_owned(), Value::Str(mis.to_owned()));
     job
 }
@@ -84,14 +85,14 @@ fn expected(scene: &Arc<CompiledScene>, job: &Job, samples: &[SampleAt]) -> Vec<
     let accel = Accel::build(Arc::clone(scene)).unwrap();
     let context = Context {
         scene,
-        camera: &Camera::new(&scene.camera, job.resolution, job.filter),
-        lights: &Lights::with_select(scene, LightSelection::from_params(&job.params)),
+        camera: &Camera::new(&scene.camera, job.resolution, job.settings.filter),
+        lights: &Lights::with_select(scene, LightSelection::from_params(&job.settings.params)),
         classes: &SurfaceClasses::new(scene),
         trace: &accel,
         max_depth: job.max_depth,
-        rr_start: job.rr_start,
-        settings: &Settings::new(&job.params),
-        params: &job.params,
+        rr_start: job.settings.rr_start,
+        settings: &Settings::new(&job.settings.params),
+        params: &job.settings.params,
         timing: None,
         shared: None,
     };

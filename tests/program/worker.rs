@@ -56,10 +56,12 @@ fn request() -> Job {
     let params = [("mis".to_owned(), Value::from("balance"))].into();
     Job {
         integrator: integrator("nee").unwrap(),
-        params,
-        rr_start: Some(3),
         ..job([12, 8], 4, 77)
     }
+    .with(|settings| {
+        settings.params = params;
+        settings.rr_start = Some(3);
+    })
 }
 
 fn pool() -> WorkerPool {
@@ -321,15 +323,17 @@ fn everything() -> (Arc<CompiledScene>, Job) {
         scene,
         Job {
             integrator,
-            params,
-            filter,
-            layers,
-            timing: Some(timing),
             sampler: SOBOL,
-            rr_start: Some(2),
             first_sample: 1 << 33 | 5,
             ..job([16, 12], 4, 1 << 40 | 9)
-        },
+        }
+        .with(|settings| {
+            settings.params = params;
+            settings.filter = filter;
+            settings.films = layers;
+            settings.timing = Some(timing);
+            settings.rr_start = Some(2);
+        }),
     )
 }
 
@@ -397,10 +401,7 @@ fn a_worker_receives_scene_and_job_unchanged() {
 #[test]
 fn a_worker_refuses_unsupported_jobs_like_a_local_renderer_and_keeps_running() {
     let pool = pool();
-    let wanted = Job {
-        layers: vec![Layer::Depth],
-        ..request()
-    };
+    let wanted = request().with(|settings| settings.films = vec![Layer::Depth]);
     let error = pool.open("mock", &scene(), wanted).err().unwrap();
     assert_eq!(
         error,

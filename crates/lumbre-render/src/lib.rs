@@ -26,11 +26,11 @@ pub mod own_technique;
 pub mod path_trace;
 pub mod plugin;
 pub mod reference_halves;
+pub mod settings;
 pub mod shaders;
 pub mod trial;
 pub mod worker;
 
-use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::sync::Arc;
 
@@ -38,50 +38,34 @@ use serde::{Deserialize, Serialize};
 
 use self::device::devices_line;
 pub use self::device::{Device, DeviceKind, Peer};
-use self::hierarchy::AccelSpec;
+pub use self::settings::Settings;
 use self::shaders::Shaders;
-use lumbre_light::film::layer::{Layer, LayerFilm};
+use lumbre_light::film::layer::LayerFilm;
 use lumbre_light::film::time::TimeCube;
 use lumbre_light::film::{Film, SharedImage};
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::SceneMemory;
 use lumbre_light::scene::desc::{CameraDesc, Model};
-use lumbre_light::transport::camera::FilterSpec;
 use lumbre_light::transport::integrator::IntegratorRow;
-use lumbre_light::transport::path_time::Timing;
 use lumbre_light::transport::sampler::{INDEPENDENT, SamplerRow};
-use lumbre_light::value::Value;
 use path_trace::{PathEvent, SampleAt};
 
 /// Everything besides the scene that determines a picture.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Job {
-    /// Integrator to run.
+    /// Settings, fully resolved.
+    #[serde(with = "worker::codec::json_text")]
+    pub settings: Settings,
+    /// Integrator of the settings.
     #[serde(with = "worker::codec::integrator_name")]
     pub integrator: &'static IntegratorRow,
-    /// Parameters of the integrator, checked against its row's schema.
-    #[serde(with = "worker::codec::json_text")]
-    pub params: BTreeMap<String, Value>,
+    /// Generator of the samples' random numbers, of the settings.
+    #[serde(with = "worker::codec::sampler_name")]
+    pub sampler: &'static SamplerRow,
     /// Width and height in pixels.
     pub resolution: [u32; 2],
     /// Maximum number of path edges: 1 = emission only, 2 = direct light.
     pub max_depth: u32,
-    /// First path edge after which Russian roulette may end a path; `None` disables it.
-    pub rr_start: Option<u32>,
-    /// Pixel reconstruction filter.
-    pub filter: FilterSpec,
-    /// Layers to fill besides the picture.
-    pub layers: Vec<Layer>,
-    /// Time axis of the film, if it has one.
-    pub timing: Option<Timing>,
-    /// Generator of the samples' random numbers.
-    #[serde(with = "worker::codec::sampler_name")]
-    pub sampler: &'static SamplerRow,
-    /// Settings of the acceleration structure, for backends that build their own. Never changes the
-    /// picture.
-    pub accel: AccelSpec,
-    /// Shaders of backends of devices.
-    pub shaders: Shaders,
     /// Seed of all random numbers of the run.
     pub seed: u64,
     /// Index of the first sample of every pixel. Samples are identified by their index, so films of
@@ -113,22 +97,27 @@ impl Job {
         seed: u64,
     ) -> Job {
         Job {
+            settings: Settings {
+                max_depth: Some(max_depth),
+                resolution: Some(resolution),
+                ..Settings::new(integrator.name)
+            },
             integrator,
-            params: BTreeMap::new(),
+            sampler: INDEPENDENT,
             resolution,
             max_depth,
-            rr_start: None,
-            filter: FilterSpec::PIXEL,
-            layers: Vec::new(),
-            timing: None,
-            sampler: INDEPENDENT,
-            accel: AccelSpec::default(),
-            shaders: Shaders::Unset,
             seed,
             first_sample: 0,
             threads: 0,
             view: None,
         }
+    }
+
+    /// Returns the job with changed settings.
+    #[must_use]
+    pub fn with(mut self, change: impl FnOnce(&mut Settings)) -> Job {
+        change(&mut self.settings);
+        self
     }
 
     /// Returns the camera that renders a scene.

@@ -41,13 +41,13 @@ pub const ROW: BackendRow = BackendRow {
     shaders: Shaders::without_device,
     accel: true,
     open: |scene, job| {
-        if job.timing.is_some() {
+        if job.settings.timing.is_some() {
             return Err(RenderError::Unsupported {
                 backend: "mock",
                 reason: "films with a time axis are not supported".into(),
             });
         }
-        if !job.layers.is_empty() {
+        if !job.settings.films.is_empty() {
             return Err(RenderError::Unsupported {
                 backend: "mock",
                 reason: "layers are not supported".into(),

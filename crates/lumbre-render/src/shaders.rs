@@ -3,13 +3,11 @@
 
 use std::path::PathBuf;
 
-use serde::{Deserialize, Serialize};
-
 /// Word of render tables for the shaders of the program.
 pub const BUILT_IN: &str = "built-in";
 
 /// Choice of the shaders of a run.
-#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Shaders {
     /// Those of the folder that the environment names, or else those of the program.
     #[default]
@@ -21,7 +19,7 @@ pub enum Shaders {
 }
 
 /// A folder of shaders, laid out like that of the program. Files that it lacks are the program's.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct ShaderFolder {
     /// Path of the folder.
     pub path: PathBuf,

@@ -210,11 +210,9 @@ impl Trial {
         threads: usize,
         waves: &[u64],
     ) -> Result<Film, String> {
-        let job = Job {
-            params: self.params.clone(),
-            threads,
-            ..Job::plain(self.row, [SIDE; 2], self.max_depth, seed)
-        };
+        let mut job = Job::plain(self.row, [SIDE; 2], self.max_depth, seed);
+        job.settings.params.clone_from(&self.params);
+        job.threads = threads;
         let mut renderer = CpuRenderer::new(Arc::clone(scene), job).map_err(|e| e.to_string())?;
         for samples in waves {
             let stats = renderer.advance(*samples).map_err(|e| e.to_string())?;

@@ -137,7 +137,7 @@ fn paths(
 ) -> Result<Vec<Vec<PathEvent>>, RenderError> {
     let into_error = |e| renderer::into_render_error(kind, e);
     let device = context::session::device().map_err(into_error)?;
-    Sources::of(&job.shaders)
+    Sources::of(&job.settings.shaders)
         .map_err(VulkanError::from)
         .and_then(|sources| VulkanRenderer::recording(&device, kind, &sources, scene, job))
         .and_then(|mut renderer| renderer.paths(samples))

@@ -32,13 +32,13 @@ pub(super) fn supported_scene<'a>(
             needed: "a texture as the weights of a composed material".to_owned(),
         });
     }
-    if LightSelection::from_params(&job.params) == LightSelection::Tree {
+    if LightSelection::from_params(&job.settings.params) == LightSelection::Tree {
         return Err(VulkanError::Lacks {
             device: device.info.line(),
             needed: "a tree over lights".to_owned(),
         });
     }
-    if has_uniform_directions(&job.params) {
+    if has_uniform_directions(&job.settings.params) {
         return Err(VulkanError::Lacks {
             device: device.info.line(),
             needed: "paths in uniform directions".to_owned(),
@@ -63,9 +63,9 @@ pub(super) fn supported_scene<'a>(
 /// Returns the layout of the job's layers, or an error if its films exceed the program's limits.
 pub(super) fn check_films(job: &Job) -> Result<LayerLayout, VulkanError> {
     let pixels = u64::from(job.resolution[0]) * u64::from(job.resolution[1]);
-    let layout =
-        LayerLayout::new(&job.layers, job.max_depth, pixels).map_err(VulkanError::OverLimit)?;
-    if let Some(timing) = &job.timing {
+    let layout = LayerLayout::new(&job.settings.films, job.max_depth, pixels)
+        .map_err(VulkanError::OverLimit)?;
+    if let Some(timing) = &job.settings.timing {
         time::bytes(&timing.axis, pixels, job.integrator.splats).map_err(VulkanError::OverLimit)?;
     }
     Ok(layout)
@@ -92,7 +92,8 @@ pub fn specialization(
     texel_shift: Option<u32>,
     samples: PixelSamples,
 ) -> Specialization {
-    let composed = is_composed(scene) || (job.timing.is_some() && !scene.delays.is_empty());
+    let composed =
+        is_composed(scene) || (job.settings.timing.is_some() && !scene.delays.is_empty());
     let any = |has: fn(&Material) -> bool| u32::from(scene.materials.iter().any(has));
     let any_texels = |are: fn(&LinearTexels) -> bool| {
         u32::from(scene.textures.iter().any(|texture| are(&texture.texels)))
@@ -106,12 +107,12 @@ pub fn specialization(
             Sequence::Zsobol { block } => 2 + block.ilog2(),
         },
         models: upload::models(scene),
-        layers: u32::from(!job.layers.is_empty()),
+        layers: u32::from(!job.settings.films.is_empty()),
         paths: u32::from(samples == PixelSamples::Recorded),
         parts: u32::from(composed),
         second_uvs: u32::from(!scene.second_uvs.is_empty()),
         texel_shift: texel_shift.unwrap_or(NONE),
-        times: u32::from(job.timing.is_some()),
+        times: u32::from(job.settings.timing.is_some()),
         instances: u32::from(!scene.instances.placements.is_empty()),
         textures: any(has_texture),
         byte_texels: any_texels(|texels| matches!(texels, LinearTexels::Bytes(..))),
@@ -121,9 +122,9 @@ pub fn specialization(
         bumps: any(|m| m.bump_texture != NONE),
         terminators: any(|m| m.shadow_terminator),
         other_lights: u32::from(!only_surfaces),
-        all_lights: u32::from(Settings::new(&job.params).all_lights),
+        all_lights: u32::from(Settings::new(&job.settings.params).all_lights),
         parallel_samples: u32::from(samples.at_once().is_some()),
         regenerated: u32::from(samples == PixelSamples::Regenerated),
-        candidates: Settings::new(&job.params).candidates,
+        candidates: Settings::new(&job.settings.params).candidates,
     }
 }

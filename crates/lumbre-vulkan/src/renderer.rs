@@ -87,7 +87,7 @@ impl VulkanRenderer {
         job: &Job,
     ) -> Result<VulkanRenderer, RenderError> {
         let device = session::device().map_err(|e| into_render_error(kind, e))?;
-        Sources::of(&job.shaders)
+        Sources::of(&job.settings.shaders)
             .map_err(VulkanError::from)
             .and_then(|sources| VulkanRenderer::new(&device, kind, &sources, scene, job))
             .map_err(|e| {
@@ -123,10 +123,7 @@ impl VulkanRenderer {
         scene: &CompiledScene,
         job: &Job,
     ) -> Result<VulkanRenderer, VulkanError> {
-        let job = &Job {
-            layers: Vec::new(),
-            ..job.clone()
-        };
+        let job = &job.clone().with(|settings| settings.films.clear());
         VulkanRenderer::with_samples(device, kind, sources, scene, job, PixelSamples::Recorded)
     }
 
@@ -150,7 +147,7 @@ impl VulkanRenderer {
         let room = SubpathRoom::new(job, samples, device.info.limits.storage_range);
         let job_buffers = JobBuffers::new(device, scene, job, &layout, &room)?;
         let upload_s = start.elapsed().as_secs_f64();
-        let traversal = Traversal::new(device, kind, scene, &job.accel, &scene_buffers)?;
+        let traversal = Traversal::new(device, kind, scene, &job.settings.accel, &scene_buffers)?;
         let built = traversal.built();
         let shift = scene_buffers.texel_shift();
         let constants = specialization(scene, job, shift, samples);
@@ -158,11 +155,11 @@ impl VulkanRenderer {
             device,
             job.resolution,
             layout,
-            job.timing.as_ref().map(|t| t.axis),
+            job.settings.timing.as_ref().map(|t| t.axis),
             splat_mode,
             samples,
         )?;
-        let subpaths = SubpathBuffers::new(device, &room, job.timing.is_some())?;
+        let subpaths = SubpathBuffers::new(device, &room, job.settings.timing.is_some())?;
         let light_paths = LightPathBuffers::new(device, &room)?;
         let mut resources = upload::bindings(&scene_buffers, &job_buffers);
         resources.extend(films.bindings());
@@ -201,7 +198,7 @@ impl VulkanRenderer {
                 upload_s,
                 pipeline_s,
                 devices: vec![lumbre_render::Device {
-                    features: kind.features(&device.info, &job.accel),
+                    features: kind.features(&device.info, &job.settings.accel),
                     ..device.info.recorded()
                 }],
                 scene: scene.memory(),

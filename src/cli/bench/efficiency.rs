@@ -22,7 +22,7 @@ use lumbre_light::film::Film;
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::transport::integrator::IntegratorRow;
-use lumbre_render::hierarchy::{AccelSpec, LaneMode};
+use lumbre_render::hierarchy::LaneMode;
 use lumbre_render::{Job, WaveStats};
 
 /// Relative RMSE for which times are reported.
@@ -66,15 +66,9 @@ pub fn measure(
 ) -> Result<IntegratorRates, String> {
     let cpu = backend("cpu").ok_or("no cpu backend")?;
     let open = |lanes: LaneMode| {
-        let plain = Job::plain(integrator, scene.resolution, scene.max_depth, 1);
-        let job = Job {
-            threads,
-            accel: AccelSpec {
-                lanes,
-                ..plain.accel
-            },
-            ..plain
-        };
+        let mut job = Job::plain(integrator, scene.resolution, scene.max_depth, 1);
+        job.threads = threads;
+        job.settings.accel.lanes = lanes;
         (cpu.open)(Arc::clone(scene), job).map_err(|e| e.to_string())
     };
     let mut runs = [open(LaneMode::Never)?, open(LaneMode::Always)?];

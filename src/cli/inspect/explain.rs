@@ -177,13 +177,13 @@ fn explain_missing_run(plan: &Plan, record: &RunRecord) -> Verdict {
         "it is no longer part of the script's plan; the most similar run is {name}, which differs \
          in:"
     )];
-    if let Some(render) = &record.config.render
+    if let Some(settings) = record.config.settings()
         && fields.iter().any(|[field, ..]| field == "scene")
     {
         reasons.push(format!(
             "(`scene` is the hash of {} with the changes {})",
-            display_path(Path::new(&render.scene_file)),
-            json!(render.set)
+            display_path(&settings.scene_file),
+            json!(settings.set)
         ));
     }
     Verdict {

@@ -12,8 +12,6 @@ use crate::output::{exr, png};
 use crate::store::FILMS;
 use crate::store::schema::run::ConfigFile;
 use lumbre_light::film::time::CUBE_FILE;
-use lumbre_light::transport::path_time::Timing;
-use lumbre_light::value::Value;
 
 /// Runs `lumbre view`: writes the requested files to a folder and prints their paths.
 pub fn main(args: &ViewArgs, global: &Global) -> Result<Exit, Failure> {
@@ -175,14 +173,9 @@ fn folder_name(folder: &Path) -> String {
 /// Returns a message if the run has no time axis, or the file of its bins cannot be read or does
 /// not match the configuration of the run.
 fn read_movie(folder: &Path, config: &ConfigFile) -> Result<Movie, String> {
-    let film = config
-        .render
-        .as_ref()
-        .and_then(|render| render.film.as_ref());
-    let timing = film
-        .and_then(Value::as_map)
-        .map_or(Ok(None), |film| Timing::from_film(film, "film"))
-        .map_err(|e| e.to_string())?;
+    let timing = config
+        .settings()
+        .and_then(|settings| settings.timing.as_ref());
     let timing = timing.ok_or_else(|| {
         format!(
             "{} has no time axis, which is what `view` draws: its picture is final.png there, and \

@@ -6,19 +6,19 @@ use std::sync::Arc;
 use crate::backends::backend;
 use crate::cli::args::Global;
 use crate::cli::night::load::decode_picture;
-use crate::experiment::CellConfig;
 use crate::experiment::plan::identity;
 use crate::experiment::shards::split;
 use crate::script;
 use crate::store::schema::plan::{EnvFile, PlanFile};
 use crate::store::schema::run::{ConfigFile, DoneFile};
-use crate::store::{self, Evidence, NightReader, RunReader, StoredFile, cell_config};
+use crate::store::{self, Evidence, NightReader, RunReader, StoredFile};
 use lumbre_light::film::{Film, Image, SharedImage};
 use lumbre_light::scene::compile::compile_sharing;
 use lumbre_light::scene::desc::content_hash;
 use lumbre_light::scene::{CompiledScene, SceneDesc, edit};
 use lumbre_light::transport::integrator::external::{is_declared, is_external};
 use lumbre_light::transport::integrator::{integrator, own};
+use lumbre_render::Settings;
 use lumbre_render::denoise::{self, Denoise, oidn};
 use lumbre_render::external::{self, Access, words};
 use lumbre_render::reference_halves::ReferenceHalves;
@@ -161,14 +161,14 @@ pub fn load_job(
         seed: seed.ok_or("config.json of the run has no seed")?,
         ..render.job(scene.resolution, scene.max_depth, global.threads)?
     };
-    find_shaders(&mut job.shaders, started_in.as_deref());
+    find_shaders(&mut job.settings.shaders, started_in.as_deref());
     Ok((Arc::new(compiled), job, render.backend))
 }
 
 /// Returns a warning if the technique of a run is of a shared library whose file has changed since.
 pub fn library_warning(stored: &StoredRun) -> Option<String> {
     let before = identity::library_hash(&stored.config.identity)?;
-    let name = &stored.config.render.as_ref()?.integrator;
+    let name = &stored.config.settings()?.integrator;
     let now = own::library(integrator(name)?)?;
     (now != before).then(|| {
         format!(
@@ -179,12 +179,12 @@ pub fn library_warning(stored: &StoredRun) -> Option<String> {
 }
 
 /// Returns the settings with which a run was rendered.
-fn render_config(config: &ConfigFile) -> Result<CellConfig, String> {
+fn render_config(config: &ConfigFile) -> Result<Settings, String> {
     let render = config
         .render
         .as_ref()
         .ok_or("the run is an image file and cannot be rendered")?;
-    cell_config(render).ok_or_else(|| {
+    render.known().cloned().ok_or_else(|| {
         "config.json of the run has a filter, layer or time axis that this version does not know"
             .to_owned()
     })
@@ -219,7 +219,7 @@ pub fn render(stored: &StoredRun, global: &Global) -> Result<Rendered, String> {
     let (compiled, _) =
         compile_sharing(&scene, render.accel.instances).map_err(|e| e.to_string())?;
     let mut job = render.job(scene.resolution, scene.max_depth, global.threads)?;
-    find_shaders(&mut job.shaders, stored.started_in.as_deref());
+    find_shaders(&mut job.settings.shaders, stored.started_in.as_deref());
     let backend_name = global.backend.as_deref().unwrap_or(&render.backend);
     let compiled = Arc::new(compiled);
     let row = if is_external(job.integrator) {
@@ -249,7 +249,7 @@ pub fn render(stored: &StoredRun, global: &Global) -> Result<Rendered, String> {
             }
             Some(row) => (row.open)(Arc::clone(&compiled), job),
         };
-        let opened = denoise::open::<RenderError>(render.denoise.as_ref(), job, start);
+        let opened = denoise::open::<RenderError>(job, start);
         opened.map_err(|e| e.to_string())
     };
     let waves = if row.is_none() {
@@ -275,7 +275,7 @@ pub fn render(stored: &StoredRun, global: &Global) -> Result<Rendered, String> {
 }
 
 /// Checks that the library of a denoiser is the one that denoised the run.
-fn check_denoiser(render: &CellConfig) -> Result<(), String> {
+fn check_denoiser(render: &Settings) -> Result<(), String> {
     let Some(Denoise::Oidn { version }) = &render.denoise else {
         return Ok(());
     };
@@ -290,8 +290,9 @@ fn check_denoiser(render: &CellConfig) -> Result<(), String> {
 }
 
 /// Checks that the program of an external technique may run and is the one that rendered the run.
-fn probe_external(render: &CellConfig, job: &Job, global: &Global) -> Result<(), String> {
-    let technique = external::technique_of(job.integrator, &render.integrator, &job.params)?;
+fn probe_external(render: &Settings, job: &Job, global: &Global) -> Result<(), String> {
+    let technique =
+        external::technique_of(job.integrator, &render.integrator, &job.settings.params)?;
     if is_declared(job.integrator) && !global.allow_commands {
         return Err(format!(
             "it was rendered by a command, `{}`; add --allow-commands to run it",
@@ -372,7 +373,7 @@ fn find_shaders(shaders: &mut Shaders, started_in: Option<&Path>) {
 /// Loads the scene of a run with its changes. Its path is relative to the current folder
 /// or to the folder in which the night was started.
 fn load_scene(
-    render: &CellConfig,
+    render: &Settings,
     started_in: Option<&Path>,
     global: &Global,
 ) -> Result<SceneDesc, String> {

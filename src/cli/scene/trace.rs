@@ -125,14 +125,14 @@ fn scene_job(args: &TraceArgs, global: &Global) -> Result<(Arc<CompiledScene>, J
             Failure::usage(unknown_name("sampler", &args.sampler, &SAMPLER_NAMES))
         })?,
         threads: global.threads,
-        params,
         ..Job::plain(
             technique,
             resolution,
             args.depth.unwrap_or(scene.max_depth),
             args.seed,
         )
-    };
+    }
+    .with(|settings| settings.params = params);
     Ok((Arc::new(scene), job))
 }
 

@@ -142,8 +142,6 @@ pub fn render(
     setting: Setting,
 ) -> Result<NoisyPicture, String> {
     let job = Job {
-        params: technique.params.clone(),
-        rr_start: setting.rr_start,
         threads: setting.threads,
         ..Job::plain(
             technique.row,
@@ -151,7 +149,11 @@ pub fn render(
             setting.max_depth,
             setting.seed,
         )
-    };
+    }
+    .with(|settings| {
+        settings.params = technique.params.clone();
+        settings.rr_start = setting.rr_start;
+    });
     let mut renderer = CpuRenderer::new(Arc::clone(scene), job).map_err(|e| e.to_string())?;
     // Iterations are independent; pixels whose samples share data are not.
     let shares = technique.row.has_common_noise();

@@ -178,7 +178,6 @@ impl KnownPicture {
         for part in 0..PARTS {
             let seed = seed.wrapping_mul(PARTS).wrapping_add(part);
             let job = Job {
-                rr_start: (self.max_depth > ROULETTE).then_some(ROULETTE),
                 sampler: SOBOL,
                 threads,
                 ..Job::plain(
@@ -187,7 +186,8 @@ impl KnownPicture {
                     self.max_depth,
                     seed,
                 )
-            };
+            }
+            .with(|settings| settings.rr_start = (self.max_depth > ROULETTE).then_some(ROULETTE));
             let mut renderer =
                 CpuRenderer::new(Arc::clone(&scene), job).map_err(|e| e.to_string())?;
             renderer

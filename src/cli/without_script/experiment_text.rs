@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::settings::{cell_config, picture_table};
+use super::settings::{checked_settings, picture_table};
 use crate::cli::args::ComparisonArgs;
 use crate::cli::exit::Failure;
 use crate::cli::format::rounded;
@@ -59,7 +59,7 @@ pub fn script_text(comparison: &ComparisonArgs, file: &str) -> Result<String, Fa
     let of = |technique: &str| own.get(technique).cloned().unwrap_or_default();
     for technique in &comparison.techniques {
         let table = table.clone().into_iter().chain(of(technique));
-        cell_config(table.collect(), technique)?;
+        checked_settings(table.collect(), technique)?;
     }
     let reference = reference_technique(comparison);
     let mut of_reference = of(reference);

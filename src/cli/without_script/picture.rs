@@ -121,7 +121,7 @@ fn open(cell: &Cell, seed: u64, global: &Global) -> Result<Box<dyn Renderer>, Fa
             backends::open(&config.backend, Arc::new(scene), job)
         }
     };
-    denoise::open::<RenderError>(config.denoise.as_ref(), job, start).map_err(Failure::usage)
+    denoise::open::<RenderError>(job, start).map_err(Failure::usage)
 }
 
 /// When rendering stops.

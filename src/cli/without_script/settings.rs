@@ -9,12 +9,11 @@ use crate::cli::exit::Failure;
 use crate::experiment::outcome::WaveRow;
 use crate::experiment::plan::expand;
 use crate::experiment::spec::{HookError, MeasureSpec, ReferenceRequest, Snapshots};
-use crate::experiment::{
-    CellConfig, ExperimentSpec, Overrides, Plan, Point, ScriptHooks, StopRule,
-};
+use crate::experiment::{ExperimentSpec, Overrides, Plan, Point, ScriptHooks, StopRule};
 use crate::script;
 use lumbre_light::value::Value;
 use lumbre_metrics::tonemap::Tonemap;
+use lumbre_render::Settings;
 
 /// Key of the technique in render tables.
 const INTEGRATOR: &str = "integrator";
@@ -37,7 +36,7 @@ pub fn plan(args: &RenderArgs, global: &Global) -> Result<Plan, Failure> {
         (None, Some(given)) => given.to_string(),
         (None, None) => DEFAULT_INTEGRATOR.to_owned(),
     };
-    let config = cell_config(table, &technique)?;
+    let config = checked_settings(table, &technique)?;
     let overrides = Overrides {
         backend: global.backend.clone(),
         ..Overrides::default()
@@ -52,10 +51,10 @@ pub fn plan(args: &RenderArgs, global: &Global) -> Result<Plan, Failure> {
 ///
 /// # Errors
 /// Returns an error for a setting that is unknown or out of range, or names a missing file.
-pub fn cell_config(
+pub fn checked_settings(
     mut table: BTreeMap<String, Value>,
     technique: &str,
-) -> Result<CellConfig, Failure> {
+) -> Result<Settings, Failure> {
     table.insert(INTEGRATOR.to_owned(), technique.into());
     script::render_settings(&table, Path::new(".")).map_err(|mut error| {
         // The command line has no table `render`.
@@ -151,7 +150,7 @@ fn experiment() -> ExperimentSpec {
 
 /// Hooks of an experiment of one cell.
 struct OneCell {
-    config: CellConfig,
+    config: Settings,
 }
 
 impl ScriptHooks for OneCell {
@@ -159,7 +158,7 @@ impl ScriptHooks for OneCell {
         Ok(false)
     }
 
-    fn render(&self, _: &Point) -> Result<CellConfig, HookError> {
+    fn render(&self, _: &Point) -> Result<Settings, HookError> {
         Ok(self.config.clone())
     }
 

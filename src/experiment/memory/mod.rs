@@ -5,11 +5,11 @@ mod limit;
 pub use limit::{MemoryLimit, address_space_shortage, free, total};
 
 use self::limit::gibibytes;
-use super::spec::CellConfig;
 use lumbre_light::film::layer::{BYTES_PER_PIXEL, LayerLayout, SPLAT_BYTES_PER_PIXEL};
 use lumbre_light::film::time;
 use lumbre_light::transport::integrator::iteration::PathSize;
-use lumbre_light::transport::integrator::{Settings, integrator};
+use lumbre_light::transport::integrator::{self, integrator};
+use lumbre_render::Settings;
 use lumbre_render::denoise::Denoise;
 
 /// Bytes per pixel that measuring needs beside the film: the picture, the reference, tone-mapped
@@ -17,7 +17,7 @@ use lumbre_render::denoise::Denoise;
 const MEASURING_BYTES: u64 = 80;
 
 /// Upper bound of the bytes taken by the layers and time bins of a run.
-pub fn layer_and_bin_bytes(config: &CellConfig) -> u64 {
+pub fn layer_and_bin_bytes(config: &Settings) -> u64 {
     let pixels = pixels(config);
     // The planner has already rejected layouts that are too large.
     let layers = LayerLayout::new(
@@ -36,7 +36,7 @@ pub fn layer_and_bin_bytes(config: &CellConfig) -> u64 {
 /// Upper bound of the bytes that a run takes while it renders: film, layers, time bins, the buffers
 /// of measuring and denoising, and the photons, light subpaths or tree of an iteration. The scene with its
 /// hierarchy, material and light tables is not included.
-pub fn run_bytes(config: &CellConfig) -> u64 {
+pub fn run_bytes(config: &Settings) -> u64 {
     let each =
         BYTES_PER_PIXEL + u64::from(splats(config)) * SPLAT_BYTES_PER_PIXEL + MEASURING_BYTES;
     let denoising = config.denoise.as_ref().map_or(0, Denoise::bytes_per_pixel);
@@ -44,7 +44,7 @@ pub fn run_bytes(config: &CellConfig) -> u64 {
 }
 
 /// Upper bound of the bytes taken by the data that the samples of an iteration share.
-fn shared_bytes(config: &CellConfig) -> u64 {
+fn shared_bytes(config: &Settings) -> u64 {
     let sharing = integrator(&config.integrator).and_then(|row| row.sharing);
     sharing.map_or(0, |sharing| {
         let size = PathSize {
@@ -53,18 +53,18 @@ fn shared_bytes(config: &CellConfig) -> u64 {
             rr_start: config.rr_start,
             each: !config.rendered_layers().is_empty() || config.timing.is_some(),
         };
-        sharing.bytes(&Settings::new(&config.params), &size)
+        sharing.bytes(&integrator::Settings::new(&config.params), &size)
     })
 }
 
 /// Number of pixels of the picture; 0 if its size is not set.
-pub(super) fn pixels(config: &CellConfig) -> u64 {
+pub(super) fn pixels(config: &Settings) -> u64 {
     let [width, height] = config.resolution.unwrap_or_default();
     u64::from(width) * u64::from(height)
 }
 
 /// Whether the integrator needs a splat buffer.
-fn splats(config: &CellConfig) -> bool {
+fn splats(config: &Settings) -> bool {
     integrator(&config.integrator).is_some_and(|row| row.splats)
 }
 

@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 use super::{Plan, ReferenceSource};
 use crate::experiment::memory::{layer_and_bin_bytes, run_bytes};
 use crate::experiment::outcome::CellRef;
-use crate::experiment::spec::CellConfig;
 use crate::experiment::stop::StopRule;
+use lumbre_render::Settings;
 
 /// Bounds on the work of a plan. Every run is in exactly one of `by_time`, `by_samples` and
 /// `unbounded`.
@@ -39,7 +39,7 @@ impl Plan {
     pub(crate) fn runs(
         &self,
         counts: &dyn Fn(CellRef) -> bool,
-    ) -> impl Iterator<Item = (&CellConfig, &StopRule)> {
+    ) -> impl Iterator<Item = (&Settings, &StopRule)> {
         let references = self.references.iter().enumerate();
         let references = references.filter(|(i, _)| counts(CellRef::Reference(*i)));
         let rendered = references.filter_map(|(_, reference)| match &reference.source {
@@ -73,7 +73,7 @@ impl Plan {
 }
 
 impl Estimate {
-    fn add(&mut self, config: &CellConfig, stop: &StopRule) {
+    fn add(&mut self, config: &Settings, stop: &StopRule) {
         let [width, height] = config.resolution.unwrap_or_default();
         let pixels = f64::from(width) * f64::from(height);
         self.run_bytes = self.run_bytes.max(run_bytes(config));

@@ -13,11 +13,12 @@ use super::{
 };
 use crate::experiment::shards;
 use crate::experiment::spec::{
-    BiasCheckRequest, CellConfig, ExperimentSpec, HookError, Point, ReferenceRequest, ScriptHooks,
+    BiasCheckRequest, ExperimentSpec, HookError, Point, ReferenceRequest, ScriptHooks,
 };
 use crate::experiment::stop::StopRule;
 use lumbre_light::transport::integrator::{bias_of, integrator};
 use lumbre_light::value::Value;
+use lumbre_render::Settings;
 
 /// Expands an experiment to its plan.
 ///
@@ -202,7 +203,7 @@ impl<'a> Builder<'a> {
     /// Resolves the cell of a point and its reference.
     fn with_reference(
         &mut self,
-        config: CellConfig,
+        config: Settings,
         point: &Point,
     ) -> Result<(Renderable, Option<usize>), PlanError> {
         let renderable = self.renderable(config, point)?;
@@ -210,11 +211,7 @@ impl<'a> Builder<'a> {
         Ok((renderable, reference))
     }
 
-    fn renderable(
-        &mut self,
-        mut config: CellConfig,
-        point: &Point,
-    ) -> Result<Renderable, PlanError> {
+    fn renderable(&mut self, mut config: Settings, point: &Point) -> Result<Renderable, PlanError> {
         self.override_backend(&mut config);
         self.resolver.renderable(config, point)
     }
@@ -244,7 +241,7 @@ impl<'a> Builder<'a> {
             }) => (config, stop, bias_check, shards),
         };
         let second = bias_check.as_ref().map(|check| &check.config);
-        let denoised = |config: &CellConfig| config.denoise.is_some();
+        let denoised = |config: &Settings| config.denoise.is_some();
         if denoised(&config) || second.is_some_and(denoised) {
             return Err(PlanError::DenoisedReference {
                 point: describe(point),
@@ -296,7 +293,7 @@ impl<'a> Builder<'a> {
     /// Resolves a reference that Lumbre renders, split into at most `shards` shards.
     fn rendered_reference(
         &mut self,
-        config: CellConfig,
+        config: Settings,
         stop: StopRule,
         shards: u32,
         seeds: [u64; 2],
@@ -395,7 +392,7 @@ impl<'a> Builder<'a> {
         }
     }
 
-    fn override_backend(&self, config: &mut CellConfig) {
+    fn override_backend(&self, config: &mut Settings) {
         if let Some(backend) = &self.overrides.backend {
             config.backend.clone_from(backend);
         }
@@ -526,7 +523,7 @@ fn hook(function: &str, point: &Point, error: HookError) -> PlanError {
 
 /// Returns the samples per pixel of a reference's shards, if it is split into more than one.
 fn shard_samples(
-    config: &CellConfig,
+    config: &Settings,
     stop: &StopRule,
     max_shards: u32,
     point: &Point,

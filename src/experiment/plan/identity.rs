@@ -15,18 +15,14 @@ use std::path::Path;
 
 use super::{Plan, RunId};
 use crate::experiment::spec::{
-    CellConfig, FigureKind, FigureSpec, MeasureSpec, Point, Snapshots, TableSpec, TableValue,
+    FigureKind, FigureSpec, MeasureSpec, Point, Snapshots, TableSpec, TableValue,
 };
 use crate::experiment::stop::StopRule;
 use lumbre_light::scene::load::files;
-use lumbre_light::transport::delay;
-use lumbre_light::transport::integrator::external::{PYTHON, is_declared};
-use lumbre_light::transport::integrator::{IntegratorRow, own};
-use lumbre_light::transport::sampler::SamplerRow;
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
-use lumbre_render::external::technique;
-use lumbre_render::hierarchy::AccelSpec;
+use lumbre_render::Settings;
+use lumbre_render::settings::LIBRARY;
 
 /// Version of the identity format. Raising it makes all earlier runs unreachable.
 pub const FORMAT: i64 = 1;
@@ -91,104 +87,13 @@ pub fn file_hash(file: &Path) -> std::io::Result<blake3::Hash> {
     Ok(hasher.finalize())
 }
 
-/// Returns everything that determines a picture, except for its seed and its stop rule. The
-/// configuration must be fully resolved.
-pub(super) fn picture(
-    config: &CellConfig,
-    row: &IntegratorRow,
-    sampler: &SamplerRow,
-    scene_hash: &[u8; 32],
-) -> BTreeMap<String, Value> {
-    let kind = config.filter.kind.name();
-    let params = if is_declared(row) {
-        technique::identity(&config.params)
-    } else {
-        let mut params = config.params.clone();
-        params.remove(PYTHON.key);
-        params
-    };
-    // Omitted for all others, which keep their ids.
-    let library = own::library(row).map(|hash| (LIBRARY, hash.into()));
-    let fields = [
-        ("name", config.integrator.as_str().into()),
-        ("revision", Value::Int(i64::from(row.revision))),
-        ("params", Value::Map(params)),
-    ];
-    let integrator = map(fields.into_iter().chain(library));
-    let filter = map([
-        ("kind", kind.into()),
-        ("radius", Value::number(f64::from(config.filter.radius))),
-    ]);
-    let sampler = map([
-        ("name", sampler.name.into()),
-        ("revision", Value::Int(i64::from(sampler.revision))),
-    ]);
-    // A run that may fall back to another backend must not share its id with one that cannot.
-    let backend = if config.fallback.is_some() {
-        "auto"
-    } else {
-        config.backend.as_str()
-    };
-    let optional = |n: Option<u32>| n.map_or(Value::Nil, |n| Value::Int(i64::from(n)));
-    let resolution = config.resolution.map_or(Value::Nil, |r| {
-        Value::List(r.map(|n| Value::Int(i64::from(n))).into())
-    });
-    let fields = [
-        ("format", Value::Int(FORMAT)),
-        (
-            SCENE,
-            Value::Str(blake3::Hash::from_bytes(*scene_hash).to_hex().to_string()),
-        ),
-        (INTEGRATOR, integrator),
-        ("resolution", resolution),
-        ("max_depth", optional(config.max_depth)),
-        ("rr_start", optional(config.rr_start)),
-        ("filter", filter),
-        ("sampler", sampler),
-        ("backend", backend.into()),
-    ];
-    // Omitted if empty, so that runs without layers, bins, denoisers and modified shaders keep the ids
-    // from before these existed.
-    let films: Vec<Value> = config
-        .films
-        .iter()
-        .map(|layer| layer.row().name.into())
-        .collect();
-    let films = (!films.is_empty()).then_some(("films", Value::List(films)));
-    let film = config
-        .timing
-        .as_ref()
-        .map(|timing| ("film", timing.to_film(false)));
-    let denoise = config.denoise.as_ref();
-    let denoise = denoise.map(|denoise| ("denoise", denoise.to_value()));
-    let shaders = config.shaders.folder();
-    let shaders = shaders.map(|folder| ("shaders", folder.hash.as_str().into()));
-    let delays = film
-        .is_some()
-        .then_some(("delays", Value::Int(i64::from(delay::REVISION))));
-    let mut picture: BTreeMap<String, Value> = fields
-        .into_iter()
-        .chain(films)
-        .chain(film)
-        .chain(delays)
-        .chain(denoise)
-        .chain(shaders)
-        .map(|(key, value)| (key.to_owned(), value))
-        .collect();
-    set_accel(&mut picture, &config.accel);
+/// Returns everything that determines a picture, except for its seed and its stop rule, from settings
+/// that are fully resolved.
+pub(super) fn picture(settings: &Settings, scene_hash: &[u8; 32]) -> BTreeMap<String, Value> {
+    let mut picture = settings.identity();
+    picture.insert("format".to_owned(), Value::Int(FORMAT));
+    picture.insert(SCENE.to_owned(), hex(scene_hash));
     picture
-}
-
-/// Replaces the description of how the hierarchy is built and traversed. It is omitted if it equals
-/// the behaviour from before this setting existed, so that old ids remain valid. The setting
-/// changes no picture, but it changes measured times.
-pub(super) fn set_accel(picture: &mut BTreeMap<String, Value>, accel: &AccelSpec) {
-    let accel = accel.identity();
-    if accel.is_empty() {
-        picture.remove("accel");
-    } else {
-        picture.insert("accel".to_owned(), Value::Map(accel));
-    }
 }
 
 /// Returns the stem of a rendered reference: a picture with the seeds of its halves. References
@@ -239,9 +144,6 @@ pub fn scene_hash(identity: &Value) -> Option<&str> {
 
 /// Key of the integrator in the identity of a run.
 const INTEGRATOR: &str = "integrator";
-
-/// Key of the hash of a technique's library among the fields of the integrator.
-pub(super) const LIBRARY: &str = "library";
 
 /// Returns the hash of the library that rendered a run, in hexadecimal. Only techniques of shared
 /// libraries have one.
@@ -433,8 +335,8 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
-    use lumbre_light::transport::camera::{FilterKind, FilterSpec};
-    use lumbre_light::transport::integrator::INTEGRATORS;
+    use lumbre_light::transport::delay;
+    use lumbre_light::transport::integrator::integrator;
     use lumbre_light::transport::path_time::Timing;
     use lumbre_light::transport::sampler::INDEPENDENT;
 
@@ -442,47 +344,17 @@ mod tests {
     fn the_revisions_of_technique_sampler_and_delays_are_in_the_identity() {
         let bins = serde_json::json!({ "time": { "start": 0, "bin": 0.5, "bins": 8 } });
         let bins = Value::from_json(&bins);
-        let config = CellConfig {
-            scene: "box".to_owned(),
-            scene_file: "box.scn".into(),
-            scene_options: BTreeMap::new(),
-            integrator: INTEGRATORS[0].name.to_owned(),
-            params: BTreeMap::new(),
-            max_depth: Some(5),
-            resolution: Some([8, 4]),
-            rr_start: None,
-            filter: FilterSpec {
-                kind: FilterKind::Box,
-                radius: 0.5,
-            },
-            films: Vec::new(),
-            timing: Timing::from_film(bins.as_map().unwrap(), "film").unwrap(),
-            denoise: None,
-            accel: AccelSpec::default(),
-            shaders: Default::default(),
-            sampler: INDEPENDENT.name.to_owned(),
-            set: BTreeMap::new(),
-            backend: "cpu".to_owned(),
-            fallback: None,
-        };
-        let row = IntegratorRow {
-            revision: 71,
-            ..INTEGRATORS[0]
-        };
-        let sampler = SamplerRow {
-            revision: 72,
-            ..*INDEPENDENT
-        };
-        let fields = picture(&config, &row, &sampler, &[0; 32]);
+        let row = integrator("nee").unwrap();
+        assert!(row.revision > 1);
+        let mut settings = Settings::new(row.name);
+        settings.timing = Timing::from_film(bins.as_map().unwrap(), "film").unwrap();
+        let fields = picture(&settings, &[0; 32]);
         let revision = |key: &str| fields[key].as_map().unwrap()["revision"].as_i64();
-        assert_eq!(revision("integrator"), Some(71));
-        assert_eq!(revision("sampler"), Some(72));
+        assert_eq!(revision("integrator"), Some(row.revision.into()));
+        assert_eq!(revision("sampler"), Some(INDEPENDENT.revision.into()));
         assert_eq!(fields["delays"].as_i64(), Some(delay::REVISION.into()));
-        let untimed = CellConfig {
-            timing: None,
-            ..config
-        };
-        let fields = picture(&untimed, &row, &sampler, &[0; 32]);
+        settings.timing = None;
+        let fields = picture(&settings, &[0; 32]);
         assert!(!fields.contains_key("delays"), "only path times have any");
     }
 

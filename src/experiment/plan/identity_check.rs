@@ -4,16 +4,17 @@
 use std::collections::BTreeMap;
 
 use super::{RunId, identity};
-use crate::experiment::spec::CellConfig;
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::sampler::sampler;
 use lumbre_light::value::Value;
+use lumbre_render::Settings;
+use lumbre_render::settings::LIBRARY;
 
 /// Settings that a stored configuration claims for a run.
 #[derive(Debug, Default)]
 pub struct ClaimedSettings<'a> {
     /// Settings of the renderer; `None` for references that are image files.
-    pub config: Option<CellConfig>,
+    pub config: Option<Settings>,
     /// Seed, if it is a cell.
     pub seed: Option<u64>,
     /// Seeds of the halves, if it is a rendered reference.
@@ -40,12 +41,13 @@ pub fn check(identity: &Value, id: &RunId, claimed: &ClaimedSettings) -> Result<
     let (Some(config), Some(fields)) = (&claimed.config, identity.as_map()) else {
         return Ok(());
     };
-    let Some(row) = integrator(&config.integrator) else {
+    if integrator(&config.integrator).is_none() {
         return Ok(());
-    };
-    let sampler = sampler(&config.sampler)
-        .ok_or_else(|| format!("this version has no sampler `{}`", config.sampler))?;
-    let mut expected = identity::picture(config, row, sampler, &[0; 32]);
+    }
+    if sampler(&config.sampler).is_none() {
+        return Err(format!("this version has no sampler `{}`", config.sampler));
+    }
+    let mut expected = identity::picture(config, &[0; 32]);
     if let Some(seed) = claimed.seed {
         expected.insert(identity::SEED.to_owned(), identity::seed_value(seed));
     }
@@ -83,7 +85,7 @@ fn is_setting(key: &str, is_cell: bool) -> bool {
 fn without_versions(value: &Value) -> Value {
     match value {
         Value::Map(map) => {
-            let is_version = |key: &str| key == "revision" || key == identity::LIBRARY;
+            let is_version = |key: &str| key == "revision" || key == LIBRARY;
             let fields = map.iter().filter(|(key, _)| !is_version(key));
             let fields = fields.map(|(key, value)| (key.clone(), value.clone()));
             Value::Map(fields.collect::<BTreeMap<String, Value>>())

@@ -34,9 +34,10 @@ pub use technique_names::integrator_help;
 
 use super::outcome::CellRef;
 use super::shards::{Shard, split};
-use super::spec::{CellConfig, FigureSpec, MeasureSpec, NightSpec, Point, Presentation, TableSpec};
+use super::spec::{FigureSpec, MeasureSpec, NightSpec, Point, Presentation, TableSpec};
 use super::stop::StopRule;
 use lumbre_light::scene::{Note, SceneDesc};
+use lumbre_render::Settings;
 use serde::Serialize;
 
 /// Id of a run: BLAKE3 hash of everything that determines its picture and its measurements, as 32
@@ -69,7 +70,7 @@ pub struct Cell {
     pub seed: u64,
     /// Resolved render settings: resolution and depth are those of the script or else of the scene,
     /// and a backend replaces `auto`.
-    pub config: Arc<CellConfig>,
+    pub config: Arc<Settings>,
     /// Scene with the cell's changes applied; cells with the same file and changes share it.
     pub scene: Arc<SceneDesc>,
     /// When the cell is finished.
@@ -147,7 +148,7 @@ pub enum ReferenceSource {
     /// Rendered by Lumbre.
     Render {
         /// Resolved render settings, as in [`Cell::config`].
-        config: Arc<CellConfig>,
+        config: Arc<Settings>,
         /// Scene with all changes applied.
         scene: Arc<SceneDesc>,
         /// Seeds of its two independent halves; different from those of all cells.

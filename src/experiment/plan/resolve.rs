@@ -8,7 +8,7 @@ use std::sync::Arc;
 use super::axes::{describe, help};
 use super::technique_names::integrator_help;
 use super::{Overrides, PlanError, PlannedCommand, RunId, identity};
-use crate::experiment::spec::{CellConfig, Point};
+use crate::experiment::spec::Point;
 use lumbre_light::film::layer::LayerLayout;
 use lumbre_light::film::time;
 use lumbre_light::scene::{Note, SceneDesc, SceneError, desc, edit};
@@ -19,6 +19,7 @@ use lumbre_light::transport::light::LightSelection;
 use lumbre_light::transport::sampler::{SAMPLER_NAMES, SamplerRow, sampler};
 use lumbre_light::value::Value;
 use lumbre_render::BackendRow;
+use lumbre_render::Settings;
 use lumbre_render::denoise::{Denoise, oidn};
 use lumbre_render::external::technique::FOUND_VERSION;
 use lumbre_render::external::{self, Technique};
@@ -36,7 +37,7 @@ pub type LoadScene<'a> = dyn FnMut(&Path, &BTreeMap<String, Value>) -> LoadedSce
 /// Resolved render settings and scene.
 #[derive(Clone)]
 pub(super) struct Renderable {
-    pub(super) config: Arc<CellConfig>,
+    pub(super) config: Arc<Settings>,
     pub(super) scene: Arc<SceneDesc>,
     /// Part of the identity that determines the picture.
     pub(super) picture: BTreeMap<String, Value>,
@@ -48,7 +49,9 @@ impl Renderable {
     pub(super) fn use_scalar_path(&mut self) {
         let config = Arc::make_mut(&mut self.config);
         config.accel = config.accel.scalar();
-        identity::set_accel(&mut self.picture, &config.accel);
+        // What is left out of an identity was in none before it existed.
+        self.picture.remove("accel");
+        self.picture.extend(config.identity());
     }
 }
 
@@ -111,12 +114,12 @@ impl<'a> Resolver<'a> {
     /// cannot render the run.
     pub(super) fn renderable(
         &mut self,
-        mut config: CellConfig,
+        mut config: Settings,
         point: &Point,
     ) -> Result<Renderable, PlanError> {
         let row = integrator_row(&config.integrator, point)?;
         config.integrator = canonical_name(&config.integrator).to_owned();
-        let sampler = sampler_row(&config.sampler, point)?;
+        sampler_row(&config.sampler, point)?;
         let peer = if is_external(row) {
             Some(self.peer(row, &mut config, point)?)
         } else {
@@ -137,7 +140,7 @@ impl<'a> Resolver<'a> {
         })?;
         config.resolution = Some(resolution);
         config.max_depth = Some(max_depth);
-        let mut picture = identity::picture(&config, row, sampler, &hash);
+        let mut picture = identity::picture(&config, &hash);
         picture.extend(peer.map(|peer| ("peer".to_owned(), peer)));
         Ok(Renderable {
             config: Arc::new(config),
@@ -151,7 +154,7 @@ impl<'a> Resolver<'a> {
     /// the fallback, which a run with a folder of shaders does not have.
     fn resolve_backend(
         &mut self,
-        config: &mut CellConfig,
+        config: &mut Settings,
         external: bool,
         point: &Point,
     ) -> Result<(), PlanError> {
@@ -209,7 +212,7 @@ impl<'a> Resolver<'a> {
     fn peer(
         &mut self,
         row: &'static IntegratorRow,
-        config: &mut CellConfig,
+        config: &mut Settings,
         point: &Point,
     ) -> Result<Value, PlanError> {
         let refused = |reason: String| PlanError::Refused {
@@ -269,7 +272,7 @@ impl<'a> Resolver<'a> {
         &mut self,
         words: &[String],
         technique: &Technique,
-        config: &CellConfig,
+        config: &Settings,
     ) -> Result<Option<String>, PlanError> {
         let known = self.external_versions.entry(words.to_vec());
         let version = known.or_insert_with(|| external::probe(technique));
@@ -300,7 +303,7 @@ impl<'a> Resolver<'a> {
     }
 
     /// Returns the scene of a configuration with its changes applied, and its content hash.
-    fn scene(&mut self, config: &CellConfig, point: &Point) -> Result<Edited, PlanError> {
+    fn scene(&mut self, config: &Settings, point: &Point) -> Result<Edited, PlanError> {
         let options = hash_of(&config.scene_options);
         let key = (config.scene_file.clone(), options, hash_of(&config.set));
         if let Some(known) = self.edited.get(&key) {
@@ -326,7 +329,7 @@ impl<'a> Resolver<'a> {
     /// Returns the scene of a file without changes.
     fn file(
         &mut self,
-        config: &CellConfig,
+        config: &Settings,
         options: [u8; 32],
         point: &Point,
     ) -> Result<Arc<SceneDesc>, PlanError> {
@@ -408,7 +411,7 @@ fn sampler_row(name: &str, point: &Point) -> Result<&'static SamplerRow, PlanErr
 /// Returns the resolution and the greatest number of path edges: those of the configuration or else
 /// of the scene.
 fn size_and_depth(
-    config: &CellConfig,
+    config: &Settings,
     scene: &SceneDesc,
     point: &Point,
 ) -> Result<([u32; 2], u32), PlanError> {
@@ -433,12 +436,12 @@ fn size_and_depth(
 /// Checks that the backend can render the run. With `auto`, a run that the backend cannot render is
 /// moved to the fallback.
 fn check_backend(
-    config: &mut CellConfig,
+    config: &mut Settings,
     row: &IntegratorRow,
     scene: &SceneDesc,
     point: &Point,
 ) -> Result<(), PlanError> {
-    let refused = |config: &CellConfig| {
+    let refused = |config: &Settings| {
         crate::backends::backend(&config.backend)
             .and_then(|backend| refusal(backend, row, scene, config))
     };
@@ -462,7 +465,7 @@ fn check_backend(
 /// Checks that the backend supports the requested layers, and that layers and time bins are not too
 /// large.
 fn check_films(
-    config: &CellConfig,
+    config: &Settings,
     row: &IntegratorRow,
     pixels: u64,
     max_depth: u32,
@@ -491,7 +494,7 @@ fn refusal(
     backend: &BackendRow,
     integrator: &IntegratorRow,
     scene: &SceneDesc,
-    config: &CellConfig,
+    config: &Settings,
 ) -> Option<String> {
     if !backend.accel && !config.accel.scalar().identity().is_empty() {
         return Some(format!(

@@ -9,7 +9,6 @@ use crate::experiment::event::FinishedRun;
 use crate::experiment::noise_floor::NoiseFloors;
 use crate::experiment::outcome::{CellRef, Outcome, WaveRow};
 use crate::experiment::shards::{Shard, WorkUnit};
-use crate::experiment::spec::CellConfig;
 use crate::experiment::stop::StopRule;
 use lumbre_light::film::layer::LayerImage;
 use lumbre_light::film::time::TimeCube;
@@ -17,6 +16,7 @@ use lumbre_light::film::{Film, SharedImage};
 use lumbre_light::scene::SceneDesc;
 use lumbre_metrics::evaluator::Evaluator;
 use lumbre_render::OpenStats;
+use lumbre_render::Settings;
 
 /// Request to render a run.
 #[derive(Clone)]
@@ -24,7 +24,7 @@ pub(super) struct RunRequest<'a> {
     /// The cell or reference.
     pub(super) cell: CellRef,
     /// Resolved render settings.
-    pub(super) config: &'a CellConfig,
+    pub(super) config: &'a Settings,
     /// Scene with all changes applied.
     pub(super) scene: &'a Arc<SceneDesc>,
     /// One seed, or those of two halves.

@@ -151,7 +151,7 @@ impl<'a> NightRunner<'a, '_> {
                     (self.seams.open)(backend, Arc::clone(&scene.compiled), job)
                 }
             };
-            let open = || denoise::open(request.config.denoise.as_ref(), job.clone(), start);
+            let open = || denoise::open(job.clone(), start);
             Ok(catch_panic("opening the backend", open)??)
         };
         match request.seeds {
@@ -184,7 +184,7 @@ impl<'a> NightRunner<'a, '_> {
         job.first_sample = request.shard.map_or(0, |shard| shard.first / 2);
         if let CellRef::Reference(_) = request.cell {
             // Times of references are not compared, so they are vectorised wherever possible.
-            job.accel.lanes = LaneMode::Always;
+            job.settings.accel.lanes = LaneMode::Always;
         }
         Ok(job)
     }

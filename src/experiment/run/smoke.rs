@@ -12,9 +12,9 @@ use crate::experiment::event::Event;
 use crate::experiment::forecast::WorkloadKey;
 use crate::experiment::outcome::{CellRef, Level};
 use crate::experiment::plan::ReferenceSource;
-use crate::experiment::spec::CellConfig;
 use lumbre_light::transport::integrator::external::is_external;
 use lumbre_light::transport::integrator::integrator;
+use lumbre_render::Settings;
 use lumbre_render::external::technique_of;
 
 /// Greatest width and height of the rendered pictures in pixels. The pass detects errors, not slow
@@ -166,7 +166,7 @@ impl NightRunner<'_, '_> {
 }
 
 /// Whether a run is rendered by another program whose pictures have one size only.
-fn has_fixed_size(config: &CellConfig) -> bool {
+fn has_fixed_size(config: &Settings) -> bool {
     integrator(&config.integrator)
         .filter(|row| is_external(row))
         .and_then(|row| technique_of(row, &config.integrator, &config.params).ok())

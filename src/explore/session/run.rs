@@ -259,9 +259,9 @@ impl Worker {
         }
         let job = Job {
             resolution: [width, height].map(|side| side.div_ceil(divisor)),
-            layers: Vec::new(),
             ..opened.job.clone()
-        };
+        }
+        .with(|settings| settings.films = Vec::new());
         let (newest, number) = (&self.shared.newest[slot], run.number);
         let abandoned = || newest.load(Ordering::SeqCst) != number;
         let Ok(mut coarse) = prepared.open(job) else {

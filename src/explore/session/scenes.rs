@@ -6,7 +6,6 @@ use std::sync::Arc;
 
 use super::{LoadedScene, Request, SessionOptions};
 use crate::backends;
-use crate::experiment::CellConfig;
 use crate::explore::settings::{SceneFacts, SceneFile, is_camera_change};
 use crate::script;
 use lumbre_light::scene::compile::{compile_camera, compile_sharing};
@@ -14,6 +13,7 @@ use lumbre_light::scene::desc::SceneDesc;
 use lumbre_light::scene::{CompiledScene, desc, edit};
 use lumbre_light::transport::integrator::external::is_external;
 use lumbre_light::value::Value;
+use lumbre_render::Settings;
 use lumbre_render::cpu;
 use lumbre_render::cpu::prepared_scene::PreparedScene;
 use lumbre_render::{Job, Renderer, View};
@@ -120,7 +120,7 @@ impl Scenes {
         &mut self,
         file: &SceneFile,
         changes: BTreeMap<String, Value>,
-        config: &CellConfig,
+        config: &Settings,
     ) -> Result<usize, String> {
         let same = |known: &KnownScene| known.file == *file && known.changes == changes;
         if let Some(index) = self.known.iter().position(same) {

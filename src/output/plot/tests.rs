@@ -354,7 +354,7 @@ fn times_of_swept_backends_share_an_axis() {
         .filter(|(i, _)| i / 2 % 2 == 1)
     {
         let backend = format!("vulkan-{}", i / 2 % 2);
-        cell.config = std::sync::Arc::new(crate::experiment::CellConfig {
+        cell.config = std::sync::Arc::new(lumbre_render::Settings {
             backend,
             ..(*cell.config).clone()
         });

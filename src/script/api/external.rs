@@ -5,7 +5,6 @@ use std::rc::Rc;
 
 use mlua::{Lua, Value as LuaValue};
 
-use super::find::find_file;
 use super::render_schema::RENDER;
 use super::{ApiFn, Args, Param};
 use crate::script::error::ScriptError;
@@ -18,6 +17,7 @@ use lumbre_render::external::Technique;
 use lumbre_render::external::technique::{
     EXTERNAL, FOLDER, SCENE_FILE, VALUES, raw_scene, split_commands,
 };
+use lumbre_render::settings::find::find_file;
 
 /// Constructor of techniques of other programs.
 pub const GLOBALS: &[ApiFn] = &[ApiFn {

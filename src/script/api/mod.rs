@@ -7,7 +7,6 @@ pub mod builder;
 mod call;
 pub mod experiment;
 pub mod external;
-pub mod find;
 pub mod measure;
 pub mod night;
 pub mod notify;

@@ -1,10 +1,10 @@
 //! Schemas of `scene` and of the methods for cameras, lights, environment and import.
 
-use crate::script::api::render_schema::EDGES;
 use lumbre_light::scene::desc::light::CUTOFF_RANGE;
 use lumbre_light::scene::desc::{CAMERA_KIND_NAMES, MAX_SIDE, VIEW_HEIGHT_RANGE};
 use lumbre_light::scene::edit::WINDOW;
 use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_render::settings::EDGES;
 
 /// Point or direction in scene coordinates.
 const POINT: Ty = Ty::Nums {

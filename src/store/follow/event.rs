@@ -6,11 +6,12 @@ use std::sync::Arc;
 
 use crate::experiment::forecast::Forecast;
 use crate::experiment::outcome::Level;
-use crate::experiment::{CellConfig, CellRef, Outcome, WaveRow};
+use crate::experiment::{CellRef, Outcome, WaveRow};
 use crate::store::worker::registry::WorkerStatus;
 use lumbre_light::film::Image;
 use lumbre_light::film::time::TimeAxis;
 use lumbre_render::OpenStats;
+use lumbre_render::Settings;
 
 /// A change that a follower found in the files of a night.
 #[derive(Clone, Debug)]
@@ -22,7 +23,7 @@ pub enum FollowEvent {
         /// Cell or reference of the run.
         cell: CellRef,
         /// Settings from its `config.json`, if they can be read.
-        config: Option<Box<CellConfig>>,
+        config: Option<Box<Settings>>,
         /// Statistics of opening its renderer.
         open: OpenStats,
         /// Image that it is measured against, if it can be read.

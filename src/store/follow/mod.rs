@@ -30,6 +30,7 @@ use crate::experiment::{CellRef, Outcome, PlanOutline, WaveRow};
 use event::{FollowEvent, TimedEvent};
 use lumbre_light::film::Image;
 use lumbre_render::OpenStats;
+use lumbre_render::settings::StoredSettings;
 use run::FollowedRun;
 
 /// Interval at which the workers' heartbeats are read.
@@ -304,7 +305,7 @@ impl Follower {
     fn start(&mut self, cell: CellRef, line: &WorkerLine) -> (FollowEvent, FollowedRun) {
         let run = self.night.run(cell);
         let render = run.config().ok().and_then(|config| config.render);
-        let config = render.as_ref().and_then(outline::cell_config);
+        let config = render.and_then(StoredSettings::into_known);
         let open = match &line.event {
             JournalEvent::CellStarted(start) => start.stats(),
             JournalEvent::ShardStarted(start) => start.stats(),
@@ -327,7 +328,7 @@ impl Follower {
         let followed = FollowedRun::new(cell, run.folder().to_owned(), line.worker.clone(), axis);
         let event = FollowEvent::CellStarted {
             cell,
-            config: config.map(Box::new),
+            config,
             open,
             reference,
         };

@@ -247,12 +247,12 @@ fn reference_result(
             ReferenceOrigin::Other(format!("{name}{maker}, its noise unknown"))
         }
         PlannedReference::Render(rendered) => {
-            let integrator = &rendered.source.integrator;
+            let integrator = rendered.source.integrator();
             let folder = night.run_folder(CellRef::Reference(index));
             let found = evidence.expected(&folder, &rendered.run, REFERENCE, expected);
             match found.ok().flatten().as_deref().and_then(DoneFile::rendered) {
                 Some(results) => ReferenceOrigin::Rendered {
-                    integrator: integrator.clone(),
+                    integrator: integrator.to_owned(),
                     samples: results.samples,
                 },
                 None => {

@@ -6,10 +6,10 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::run::RenderSettings;
 use super::values::Named;
 use super::{Problem, StoredFile, Version, files, pretty, records};
 use lumbre_light::value::Value;
+use lumbre_render::settings::StoredSettings;
 
 files! {
     /// The machine and the command that last rendered the night.
@@ -182,7 +182,7 @@ records! {
         /// Id of the reference.
         pub run: String,
         /// Settings with which it is rendered.
-        pub source: RenderSettings,
+        pub source: StoredSettings,
         /// When it is finished.
         pub stop: StopRecord,
         /// Comparison with a second technique; `null` without one.

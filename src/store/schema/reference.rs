@@ -14,8 +14,7 @@ use super::plan::{
 use super::process::{AffinityFile, ClaimFile, HeartbeatFile, IndexHeader, Owner, RenderDevice};
 use super::run::{
     BiasCheckFile, CheckpointHead, ConfigFile, DifferingBlock, FailedFile, FileSum,
-    ImportedReference, ModifiedShaders, OpenCost, PixelFilter, RenderSettings, RunResults,
-    WaveCounts,
+    ImportedReference, OpenCost, RunResults, SETTINGS, WaveCounts,
 };
 use super::status::{
     CellCounts, CurrentRun, FailureRecord, ReferenceCounts, ShardCounts, StatusReport,
@@ -27,12 +26,7 @@ use lumbre_light::value::markdown::{row, sentence, table_head};
 const FILES: &[(&str, &[RecordRow])] = &[
     (
         "`config.json` of a run or reference",
-        &[
-            ConfigFile::ROW,
-            RenderSettings::ROW,
-            PixelFilter::ROW,
-            ModifiedShaders::ROW,
-        ],
+        &[ConfigFile::ROW, SETTINGS],
     ),
     (
         "`done.json` of a run, `ref.json` of a reference",

@@ -6,12 +6,13 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::values::{Named, Real};
-use super::{Problem, ReadError, Version, files, pretty, records};
+use super::{Field, Problem, ReadError, RecordRow, Version, files, pretty, records};
 use crate::experiment::Plan;
 use crate::experiment::bias_check::BiasCheckResult;
 use crate::experiment::plan::ReferenceSource;
 use lumbre_light::film::ztest::Judged;
 use lumbre_light::value::Value;
+use lumbre_render::settings::{Settings, StoredSettings};
 use lumbre_render::{Device, Peer};
 
 /// Name of the last file of a run.
@@ -19,63 +20,21 @@ pub const DONE: &str = "done.json";
 /// Name of the last file of a reference.
 pub const REFERENCE: &str = "ref.json";
 
-records! {
-    /// Settings with which a run is rendered, under the keys that scripts use.
-    pub struct RenderSettings {
-        /// Scene as written in the script.
-        pub scene: String,
-        /// Resolved path of the scene file.
-        pub scene_file: String,
-        /// Values of the options that a Lua scene offers.
-        pub scene_options: BTreeMap<String, Value>,
-        /// Name of the integrator.
-        pub integrator: String,
-        /// Parameters of the integrator.
-        pub params: BTreeMap<String, Value>,
-        /// Greatest number of path edges; `null` for the value of the scene.
-        pub max_depth: Option<u32>,
-        /// Width and height in pixels; `null` for the value of the scene.
-        pub resolution: Option<[u32; 2]>,
-        /// First path edge with Russian roulette; `null` for never.
-        pub rr_start: Option<u32>,
-        /// Pixel reconstruction filter.
-        pub aa: PixelFilter,
-        /// Names of the layers that are stored beside the picture.
-        pub films: Vec<String>,
-        /// Time axis of the film; `null` without one.
-        pub film: Option<Value>,
-        /// Denoiser with its settings. Only of runs that have one.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        pub denoise: Option<Value>,
-        /// Name of the sampler.
-        pub sampler: String,
-        /// Settings of the bounding volume hierarchy.
-        pub accel: BTreeMap<String, Value>,
-        /// Changes to the scene by path.
-        pub set: BTreeMap<String, Value>,
-        /// Folder of shaders. Only of runs that have one.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        pub shaders: Option<ModifiedShaders>,
-        /// Name of the backend.
-        pub backend: String,
-    }
-
-    /// Folder of shaders that replaced those of the program.
-    pub struct ModifiedShaders {
-        /// Path of the folder.
-        pub folder: String,
-        /// Hash of the files that differed from those of the program.
-        pub hash: String,
-    }
-
-    /// Pixel reconstruction filter.
-    pub struct PixelFilter {
-        /// Name of the filter.
-        pub filter: String,
-        /// Radius in pixels.
-        pub radius: f32,
-    }
-}
+/// Row of the settings of a run in the reference page of files.
+pub const SETTINGS: RecordRow = RecordRow {
+    name: "Settings",
+    doc: "Settings with which a run is rendered, under the keys that scripts use.",
+    fields: &{
+        let mut fields = [Field { name: "", doc: "" }; Settings::STORED.len()];
+        let mut i = 0;
+        while i < fields.len() {
+            let (name, doc) = Settings::STORED[i];
+            fields[i] = Field { name, doc };
+            i += 1;
+        }
+        fields
+    },
+};
 
 files! {
     /// Place of a run in its plan, its settings, and what its id is the hash of. The plan determines
@@ -112,7 +71,7 @@ files! {
         pub shard_samples: Option<u64>,
         /// Settings with which it is rendered. Not of references that are files.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        pub render: Option<RenderSettings>,
+        pub render: Option<StoredSettings>,
         /// Id of the reference that it is measured against. Only of cells that have one.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub reference: Option<String>,
@@ -341,6 +300,14 @@ records! {
         pub invalid: u64,
         /// Column, row and sample of the first invalid sample.
         pub first_invalid: Option<[u64; 3]>,
+    }
+}
+
+impl ConfigFile {
+    /// Returns the settings with which the run is rendered, if it is rendered and this version knows
+    /// them.
+    pub fn settings(&self) -> Option<&Settings> {
+        self.render.as_ref()?.known()
     }
 }
 

@@ -4,17 +4,18 @@ use std::collections::BTreeMap;
 
 use crate::experiment::plan::{Reference, ReferenceSource};
 use crate::experiment::spec::Presentation;
-use crate::experiment::{CellConfig, CellRef, Plan, Point, StopRule};
+use crate::experiment::{CellRef, Plan, Point, StopRule};
 use crate::store::layout;
 use crate::store::schema::plan::{
     BiasCheckPlan, FileReference, Measurement, MetricRecord, NightSettings, PlanFile, PlannedCell,
     PlannedReference, PresentationRecord, RenderedReference, SceneNote, SkippedPoint, StopRecord,
 };
-use crate::store::schema::run::{ConfigFile, ModifiedShaders, PixelFilter, RenderSettings};
+use crate::store::schema::run::ConfigFile;
 use crate::store::schema::values::Named;
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
-use lumbre_render::denoise::Denoise;
+use lumbre_render::Settings;
+use lumbre_render::settings::StoredSettings;
 
 /// Returns the content of `plan.json`.
 pub fn plan_file(plan: &Plan) -> PlanFile {
@@ -99,7 +100,7 @@ fn planned_reference(plan: &Plan, reference: &Reference) -> PlannedReference {
             ..
         } => PlannedReference::Render(Box::new(RenderedReference {
             run,
-            source: render_settings(config),
+            source: stored(config),
             stop: stop_record(stop),
             bias_check: reference.bias_check.map(|check| BiasCheckPlan {
                 with: plan.references[check.with].id.0.clone(),
@@ -164,7 +165,7 @@ pub fn config_file(plan: &Plan, cell: CellRef) -> ConfigFile {
                 point: Some(point_record(&cell.point)),
                 repeat: Some(cell.repeat),
                 seed: Some(cell.seed),
-                render: Some(render_settings(&cell.config)),
+                render: Some(stored(&cell.config)),
                 reference,
                 identity: cell.identity.to_value(),
                 ..common
@@ -187,7 +188,7 @@ pub fn config_file(plan: &Plan, cell: CellRef) -> ConfigFile {
                     seeds: Some(*seeds),
                     stem: Some(stem.0.clone()),
                     shard_samples: *shard_samples,
-                    render: Some(render_settings(config)),
+                    render: Some(stored(config)),
                     ..common
                 },
                 ReferenceSource::File { file, source } => ConfigFile {
@@ -200,39 +201,10 @@ pub fn config_file(plan: &Plan, cell: CellRef) -> ConfigFile {
     }
 }
 
-fn point_record(point: &Point) -> Named<Value> {
-    Named(point.clone())
+fn stored(settings: &Settings) -> StoredSettings {
+    StoredSettings::Known(Box::new(settings.clone()))
 }
 
-/// Render settings under the keys that scripts use.
-fn render_settings(config: &CellConfig) -> RenderSettings {
-    RenderSettings {
-        scene: config.scene.clone(),
-        scene_file: config.scene_file.display().to_string(),
-        scene_options: config.scene_options.clone(),
-        integrator: config.integrator.clone(),
-        params: config.params.clone(),
-        max_depth: config.max_depth,
-        resolution: config.resolution,
-        rr_start: config.rr_start,
-        aa: PixelFilter {
-            filter: config.filter.kind.name().to_owned(),
-            radius: config.filter.radius,
-        },
-        films: config
-            .films
-            .iter()
-            .map(|layer| layer.row().name.to_owned())
-            .collect(),
-        film: config.timing.as_ref().map(|timing| timing.to_film(true)),
-        denoise: config.denoise.as_ref().map(Denoise::to_value),
-        sampler: config.sampler.clone(),
-        accel: config.accel.identity(),
-        set: config.set.clone(),
-        shaders: config.shaders.folder().map(|folder| ModifiedShaders {
-            folder: folder.path.display().to_string(),
-            hash: folder.hash.clone(),
-        }),
-        backend: config.backend.clone(),
-    }
+fn point_record(point: &Point) -> Named<Value> {
+    Named(point.clone())
 }

@@ -15,10 +15,11 @@ use super::worker_list::WorkerLine;
 use crate::experiment::forecast::Forecast;
 use crate::experiment::outcome::Level;
 use crate::experiment::shards::Shard;
-use crate::experiment::{CellConfig, CellRef, Event, Outcome, PlanOutline, StopRule, WaveRow};
+use crate::experiment::{CellRef, Event, Outcome, PlanOutline, StopRule, WaveRow};
 use crate::tui::format;
 use lumbre_light::film::SharedImage;
 use lumbre_light::film::layer::LayerImage;
+use lumbre_render::Settings;
 use lumbre_render::{Device, OpenStats};
 
 /// Number of log messages that are stored.
@@ -49,7 +50,7 @@ pub struct CurrentRun {
     /// Whether it is still rendering.
     pub running: bool,
     /// Configuration, if the plan does not contain it.
-    pub config: Option<Arc<CellConfig>>,
+    pub config: Option<Arc<Settings>>,
 }
 
 /// A message in the log.
@@ -447,7 +448,7 @@ impl NightModel {
     }
 
     /// Sets the configuration of a run, for readers whose plan does not contain it.
-    pub fn set_config(&mut self, cell: CellRef, config: Arc<CellConfig>) {
+    pub fn set_config(&mut self, cell: CellRef, config: Arc<Settings>) {
         let current = self.current.as_mut().filter(|current| current.cell == cell);
         if let Some(current) = current.or(self.interleaved.get_mut(&cell)) {
             current.config = Some(config);
@@ -548,7 +549,7 @@ impl NightModel {
     }
 
     /// Configuration of a cell or reference, if known.
-    pub fn config(&self, cell: CellRef) -> Option<&CellConfig> {
+    pub fn config(&self, cell: CellRef) -> Option<&Settings> {
         let current = self.current.as_ref().filter(|current| current.cell == cell);
         let known = current.and_then(|current| current.config.as_ref());
         known

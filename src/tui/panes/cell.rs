@@ -7,7 +7,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
 use super::{pane, title};
-use crate::experiment::{CellConfig, CellRef, PlanOutline, WaveRow};
+use crate::experiment::{CellRef, PlanOutline, WaveRow};
 use crate::tui::format;
 use crate::tui::model::entry::EntryState;
 use crate::tui::model::eta;
@@ -18,6 +18,7 @@ use lumbre_light::scene::SceneDesc;
 use lumbre_light::scene::desc::CameraKind;
 use lumbre_light::transport::integrator;
 use lumbre_render::OpenStats;
+use lumbre_render::Settings;
 
 /// Draws the cell pane.
 pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
@@ -202,7 +203,7 @@ impl Sheet {
         line
     }
 
-    fn technique(&self, config: &CellConfig) -> Line<'static> {
+    fn technique(&self, config: &Settings) -> Line<'static> {
         let long = integrator::integrator(&config.integrator).map_or("", |row| row.long_name);
         let edges = config.max_depth.map_or_else(String::new, |depth| {
             format!("{depth} {}", if depth == 1 { "edge" } else { "edges" })
@@ -217,7 +218,7 @@ impl Sheet {
         ])
     }
 
-    fn subject(&self, config: &CellConfig) -> Line<'static> {
+    fn subject(&self, config: &Settings) -> Line<'static> {
         let filter = config.filter.kind.name();
         let name = format::fit(
             &format::scene_name(&config.scene),

@@ -10,9 +10,7 @@ use crate::experiment::outcome::Level;
 use crate::experiment::plan::{CellIdentity, Reference, ReferenceSource, Skipped};
 use crate::experiment::spec::{MeasureSpec, Snapshots};
 use crate::experiment::stop::Comparison;
-use crate::experiment::{
-    Cell, CellConfig, CellRef, EndCause, Event, Outcome, Plan, RunId, StopRule, WaveRow,
-};
+use crate::experiment::{Cell, CellRef, EndCause, Event, Outcome, Plan, RunId, StopRule, WaveRow};
 use crate::tui::model::night::NightModel;
 use lumbre_light::film::{Image, SharedImage};
 use lumbre_light::scene::SceneDesc;
@@ -21,6 +19,7 @@ use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
+use lumbre_render::Settings;
 use lumbre_render::{Device, OpenStats};
 
 fn scene() -> SceneDesc {
@@ -41,8 +40,8 @@ fn scene() -> SceneDesc {
     }
 }
 
-fn config(depth: u32, radius: f32) -> CellConfig {
-    CellConfig {
+fn config(depth: u32, radius: f32) -> Settings {
+    Settings {
         scene_options: BTreeMap::new(),
         scene: "scenes/cornell.scn".to_owned(),
         scene_file: PathBuf::from("scenes/cornell.scn"),

@@ -112,10 +112,7 @@ fn seen_by(change: impl FnOnce(&mut CameraDesc)) -> (Arc<CompiledScene>, Job) {
     };
     (
         scene,
-        Job {
-            filter,
-            ..job([64, 36], 5, 3)
-        },
+        job([64, 36], 5, 3).with(|settings| settings.filter = filter),
     )
 }
 
@@ -188,7 +185,7 @@ pub const CAMERA: Twin = Twin {
         let index = row.word();
         let [point, dir]: [Vec3; 2] = [(); 2].map(|()| Vec3::from_array(row.floats()));
         let (lens_u, filter_u) = (row.floats(), row.floats());
-        let camera = Camera::new(&scene.camera, job.resolution, job.filter);
+        let camera = Camera::new(&scene.camera, job.resolution, job.settings.filter);
         let ray = camera.sample_ray(
             pixel,
             &mut job.sampler.start(job.seed, pixel, u64::from(index)),

@@ -98,15 +98,15 @@ fn original(scene: &CompiledScene, job: &Job, row: &mut Row) {
     };
     let context = Context {
         scene,
-        camera: &Camera::new(&scene.camera, job.resolution, job.filter),
-        lights: &Lights::with_select(scene, LightSelection::from_params(&job.params)),
+        camera: &Camera::new(&scene.camera, job.resolution, job.settings.filter),
+        lights: &Lights::with_select(scene, LightSelection::from_params(&job.settings.params)),
         classes: &SurfaceClasses::new(scene),
         trace: &brute,
         max_depth: job.max_depth,
-        rr_start: job.rr_start,
-        settings: &Settings::new(&job.params),
-        params: &job.params,
-        timing: job.timing.as_ref(),
+        rr_start: job.settings.rr_start,
+        settings: &Settings::new(&job.settings.params),
+        params: &job.settings.params,
+        timing: job.settings.timing.as_ref(),
         shared: None,
     };
     let (mut total, mut unweighted, mut strategies) = (Vec3::ZERO, Vec3::ZERO, 0u32);
@@ -304,10 +304,12 @@ fn technique_job(
         Arc::new(scene),
         Job {
             integrator,
-            params,
-            timing,
             ..job([32, 18], depth, 5)
-        },
+        }
+        .with(|settings| {
+            settings.params = params;
+            settings.timing = timing;
+        }),
     )
 }
 
@@ -320,11 +322,13 @@ fn wide_filter_job((scene, job): (Arc<CompiledScene>, Job)) -> (Arc<CompiledScen
     (
         scene,
         Job {
-            filter,
-            rr_start: Some(2),
             sampler: SOBOL,
             ..job
-        },
+        }
+        .with(|settings| {
+            settings.filter = filter;
+            settings.rr_start = Some(2);
+        }),
     )
 }
 

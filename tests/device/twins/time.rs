@@ -50,13 +50,7 @@ fn scene() -> (Arc<CompiledScene>, Job) {
         filter: TimeFilter::Gauss(SIGMA),
         ..timing(START, BIN, BINS)
     };
-    (
-        scene,
-        Job {
-            timing: Some(timing),
-            ..job
-        },
-    )
+    (scene, job.with(|settings| settings.timing = Some(timing)))
 }
 
 /// Returns the part of the filter about `place` below `x`, summed from the shares of the slots.
@@ -124,7 +118,7 @@ pub const DELAYS: Twin = Twin {
             Uv::same(uv),
         );
         row.push_floats([profile.sample(u)]);
-        let axis = job.timing.as_ref().unwrap().axis;
+        let axis = job.settings.timing.as_ref().unwrap().axis;
         let place = axis.bin_position(f64::from(optical));
         row.push(axis.slot(place) as u32);
         let x = row.float();

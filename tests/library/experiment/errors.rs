@@ -10,7 +10,7 @@ fn refusal(lab: &Lab) -> String {
     lab.try_plan().unwrap_err().to_string()
 }
 
-fn refusal_of(change: impl Fn(&mut lumbre::experiment::CellConfig) + 'static) -> String {
+fn refusal_of(change: impl Fn(&mut lumbre_render::Settings) + 'static) -> String {
     let mut lab = Lab::new().axis("depth", ints([3]));
     lab.render = Box::new(move |_| {
         let mut config = config();

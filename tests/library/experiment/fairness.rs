@@ -7,12 +7,13 @@ use lumbre::experiment::aa_check::{Finding, check};
 use lumbre::experiment::outcome::Level;
 use lumbre::experiment::plan::identity::{cell_seed, warmup_seed};
 use lumbre::experiment::run::{Open, Options, Seams, run_with};
-use lumbre::experiment::spec::{CellConfig, Order, Warmup};
+use lumbre::experiment::spec::{Order, Warmup};
 use lumbre::experiment::{
     CellRef, Event, NightControls, NightSummary, Outcome, Plan, Sink, SinkError, StopRule,
 };
 use lumbre_light::film::Film;
 use lumbre_light::transport::camera::FilterKind;
+use lumbre_render::Settings;
 use lumbre_render::mock::MockRenderer;
 use lumbre_render::{Job, OpenStats, RenderError, Renderer, WaveStats};
 
@@ -110,7 +111,7 @@ fn night(lab: &Lab, drift: f64) -> (NightSummary, Recorder, Arc<Plan>, Arc<Machi
         } else {
             0.01
         };
-        if job.integrator.name == "nee" && job.rr_start == Some(7) {
+        if job.integrator.name == "nee" && job.settings.rr_start == Some(7) {
             let inner = MockRenderer::new(scene, job).failing_after(10);
             return Ok(Box::new(inner));
         }
@@ -194,7 +195,7 @@ fn techniques_of_one_picture_form_one_interleave_group() {
 
 #[test]
 fn only_techniques_differ_within_an_interleave_group() {
-    type Change = fn(&mut CellConfig);
+    type Change = fn(&mut Settings);
     let techniques: &[(&str, Change)] = &[
         ("integrator", |c| c.integrator = "nee".into()),
         ("roulette", |c| c.rr_start = Some(3)),
@@ -342,7 +343,7 @@ fn a_failure_affects_one_run_of_a_group_and_a_skip_affects_its_first_run() {
     let mut lab = lab(Order::Interleave);
     let render = std::mem::replace(&mut lab.render, Box::new(|_| Ok(config())));
     lab.render = Box::new(move |p| {
-        render(p).map(|c| CellConfig {
+        render(p).map(|c| Settings {
             rr_start: Some(7),
             ..c
         })

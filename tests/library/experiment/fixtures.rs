@@ -11,9 +11,7 @@ use lumbre::experiment::noise_floor::HalfImages;
 use lumbre::experiment::outcome::Level;
 use lumbre::experiment::plan::{LoadedScene, expand};
 use lumbre::experiment::run::{Open, Seams, run_with};
-use lumbre::experiment::spec::{
-    Axis, CellConfig, HookError, MeasureSpec, ReferenceRequest, Snapshots,
-};
+use lumbre::experiment::spec::{Axis, HookError, MeasureSpec, ReferenceRequest, Snapshots};
 use lumbre::experiment::{
     CellRef, Event, ExperimentSpec, NightControls, NightSummary, Outcome, Overrides, Plan,
     PlanError, Point, RunError, RunId, ScriptHooks, Sink, SinkError, StopRule, WaveRow,
@@ -27,6 +25,7 @@ use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
+use lumbre_render::Settings;
 use lumbre_render::mock::MockRenderer;
 
 pub type Hook<T> = Box<dyn Fn(&Point) -> Result<T, HookError>>;
@@ -38,7 +37,7 @@ pub struct Lab {
     pub spec: ExperimentSpec,
     pub overrides: Overrides,
     pub skip: SkipHook,
-    pub render: Hook<CellConfig>,
+    pub render: Hook<Settings>,
     pub reference: Hook<Option<ReferenceRequest>>,
     pub stop: Hook<StopRule>,
     pub predicate: PredicateHook,
@@ -51,7 +50,7 @@ impl ScriptHooks for Lab {
         (self.skip)(rule, point)
     }
 
-    fn render(&self, point: &Point) -> Result<CellConfig, HookError> {
+    fn render(&self, point: &Point) -> Result<Settings, HookError> {
         (self.render)(point)
     }
 
@@ -170,8 +169,8 @@ fn spec() -> ExperimentSpec {
 }
 
 /// Returns the configuration of a cell unless a test changes it.
-pub fn config() -> CellConfig {
-    CellConfig {
+pub fn config() -> Settings {
+    Settings {
         scene_options: Default::default(),
         scene: "box".into(),
         scene_file: "scenes/box.scn".into(),
@@ -243,7 +242,7 @@ pub fn load_scene(file: &Path) -> LoadedScene {
 pub fn depths(values: impl IntoIterator<Item = i64>) -> Lab {
     let mut lab = Lab::new().axis("depth", values.into_iter().map(Value::Int));
     lab.render = Box::new(|p| {
-        Ok(CellConfig {
+        Ok(Settings {
             max_depth: Some(whole_at(p, "depth")),
             ..config()
         })

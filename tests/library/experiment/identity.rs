@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use lumbre::experiment::plan::{Overrides, ReferenceSource};
 use lumbre::experiment::spec::{
-    CellConfig, FigureKind, FigureSpec, FigureX, ReferenceRequest, RunColumn, Snapshots,
-    TableFormat, TableSpec, TableValue,
+    FigureKind, FigureSpec, FigureX, ReferenceRequest, RunColumn, Snapshots, TableFormat,
+    TableSpec, TableValue,
 };
 use lumbre::experiment::{Plan, StopRule, stop::Comparison};
 use lumbre_light::film::layer::Layer;
@@ -14,6 +14,7 @@ use lumbre_light::transport::camera::FilterKind;
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
+use lumbre_render::Settings;
 use lumbre_render::hierarchy::{Builder, Quality};
 
 use crate::experiment::fixtures::{Lab, at, config, ints};
@@ -21,9 +22,9 @@ use crate::experiment::fixtures::{Lab, at, config, ints};
 /// The inputs of a one-cell experiment, each of which a test may change.
 struct Inputs {
     lab: Lab,
-    config: CellConfig,
+    config: Settings,
     stop: StopRule,
-    reference_config: CellConfig,
+    reference_config: Settings,
     reference_stop: StopRule,
 }
 
@@ -94,7 +95,7 @@ fn ids(change: Change) -> (String, String) {
     (plan.cells[0].id.0.clone(), plan.references[0].id.0.clone())
 }
 
-fn both(inputs: &mut Inputs, change: fn(&mut CellConfig)) {
+fn both(inputs: &mut Inputs, change: fn(&mut Settings)) {
     change(&mut inputs.config);
     change(&mut inputs.reference_config);
 }

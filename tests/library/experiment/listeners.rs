@@ -4,11 +4,12 @@ use std::sync::Arc;
 
 use lumbre::experiment::outcome::Level;
 use lumbre::experiment::run::{Open, RunError};
-use lumbre::experiment::spec::{CellConfig, HookError};
+use lumbre::experiment::spec::HookError;
 use lumbre::experiment::{CellRef, EndCause, Event, Outcome, Sink, SinkError, StopRule};
 use lumbre_light::film::Film;
 use lumbre_light::transport::path_time::Timing;
 use lumbre_light::value::Value;
+use lumbre_render::Settings;
 use lumbre_render::mock::MockRenderer;
 use lumbre_render::{OpenStats, RenderError, Renderer, WaveStats};
 
@@ -363,7 +364,7 @@ fn time_previews_are_sent_on_request_when_the_samples_have_doubled() {
         let film =
             Value::from_json(&serde_json::json!({ "time": { "start": 0, "bin": 0.5, "bins": 8 } }));
         let timing = Timing::from_film(film.as_map().unwrap(), "film").unwrap();
-        Ok(CellConfig {
+        Ok(Settings {
             timing,
             backend: "cpu".into(),
             ..config()

@@ -519,11 +519,16 @@ fn a_renderer_receives_the_job_of_its_cell() {
         ("bpt", [32, 16], 7)
     );
     assert_eq!(
-        (job.rr_start, job.filter.radius, job.seed, job.threads),
+        (
+            job.settings.rr_start,
+            job.settings.filter.radius,
+            job.seed,
+            job.threads
+        ),
         (Some(4), 0.75, plan.cells[0].seed, 1)
     );
     assert_eq!(job.sampler.name, "sobol");
-    assert_eq!(job.params["x"], Value::Int(1));
+    assert_eq!(job.settings.params["x"], Value::Int(1));
 }
 
 #[test]

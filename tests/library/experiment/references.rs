@@ -9,12 +9,13 @@ use lumbre::experiment::outcome::Level;
 use lumbre::experiment::run::{Seams, run_with};
 use lumbre::experiment::run_progress::{Checkpoint, RunProgress};
 use lumbre::experiment::shards::Shard;
-use lumbre::experiment::spec::{BiasCheckRequest, CellConfig, ReferenceRequest};
+use lumbre::experiment::spec::{BiasCheckRequest, ReferenceRequest};
 use lumbre::experiment::stop::Comparison;
 use lumbre::experiment::{CellRef, Event, Outcome, Plan, SinkError, StopRule};
 use lumbre_light::film::Image;
 use lumbre_light::scene::CompiledScene;
 use lumbre_metrics::MetricSpec;
+use lumbre_render::Settings;
 use lumbre_render::mock::{MockRenderer, RELATIVE_SIGMA};
 use lumbre_render::{Job, RenderError, Renderer};
 
@@ -214,7 +215,7 @@ impl History for UnreadableStore {
 fn stored_shards_that_cannot_be_read_fail_their_reference() {
     let mut lab = lab(400);
     lab.reference = Box::new(|_| {
-        let config = Box::new(CellConfig {
+        let config = Box::new(Settings {
             resolution: Some([64, 48]),
             ..config()
         });
@@ -273,7 +274,7 @@ fn stored_shards_that_cannot_be_read_fail_their_reference() {
 fn a_sharded_reference_needs_a_number_of_samples() {
     let mut lab = lab(64);
     lab.reference = Box::new(move |_| {
-        let config = Box::new(CellConfig {
+        let config = Box::new(Settings {
             resolution: Some([64, 48]),
             ..config()
         });
@@ -398,7 +399,7 @@ fn compared_by(first: &'static str, second: Option<&'static str>) -> Lab {
         config.integrator = first.into();
         let bias_check = second.map(|second| {
             Box::new(BiasCheckRequest {
-                config: CellConfig {
+                config: Settings {
                     integrator: second.into(),
                     ..config.clone()
                 },

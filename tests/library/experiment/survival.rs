@@ -122,7 +122,7 @@ fn run_night(
     let mut recorder = Recorder::default();
     let open =
         |_: &str, scene, job: lumbre_render::Job| -> Result<Box<dyn Renderer>, RenderError> {
-            if job.max_depth == 2 && job.rr_start == Some(7) {
+            if job.max_depth == 2 && job.settings.rr_start == Some(7) {
                 return Err(RenderError::Failed {
                     backend: "mock",
                     reason: "the lens fell off".to_owned(),

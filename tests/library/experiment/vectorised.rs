@@ -3,23 +3,23 @@
 use std::collections::BTreeMap;
 
 use lumbre::experiment::plan::ReferenceSource;
-use lumbre::experiment::spec::CellConfig;
 use lumbre::experiment::{Plan, RunId};
 use lumbre_light::film::layer::Layer;
 use lumbre_light::value::Value;
+use lumbre_render::Settings;
 use lumbre_render::hierarchy::{AccelSpec, LaneMode};
 
 use crate::experiment::fixtures::{Lab, at, config};
 
 /// Edits the configuration of a variant.
-type Change = fn(&mut CellConfig, &str);
+type Change = fn(&mut Settings, &str);
 
 /// Returns an experiment on the CPU over the axis `variant`; `change` edits the configuration of
 /// each variant.
 fn lab(change: Change) -> Lab {
     let mut lab = Lab::new().axis("variant", ["plain", "special", "other"]);
     lab.render = Box::new(move |point| {
-        let mut config = CellConfig {
+        let mut config = Settings {
             backend: "cpu".into(),
             integrator: "nee".into(),
             ..config()
@@ -125,7 +125,7 @@ fn the_lane_mode_is_part_of_the_id_of_a_cell_but_not_of_a_reference() {
                 lanes,
                 ..AccelSpec::default()
             };
-            Ok(CellConfig {
+            Ok(Settings {
                 backend: "cpu".into(),
                 integrator: "nee".into(),
                 accel,

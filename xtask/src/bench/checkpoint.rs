@@ -36,14 +36,16 @@ pub fn checkpoint_s(
     let resolution = config.resolution.unwrap_or(compiled.resolution);
     let max_depth = config.max_depth.unwrap_or(compiled.max_depth);
     let job = Job {
-        params: config.params.clone(),
-        rr_start: config.rr_start,
-        filter: config.filter,
-        accel: config.accel,
         sampler: sampler(&config.sampler).ok_or("no such sampler")?,
         threads,
         ..Job::plain(technique, resolution, max_depth, cell.seed)
-    };
+    }
+    .with(|settings| {
+        settings.params = config.params.clone();
+        settings.rr_start = config.rr_start;
+        settings.filter = config.filter;
+        settings.accel = config.accel;
+    });
     let row = backend("cpu").ok_or("no such backend")?;
     let mut renderer = (row.open)(compiled.into(), job).map_err(|e| e.to_string())?;
     renderer.advance(1).map_err(|e| e.to_string())?;

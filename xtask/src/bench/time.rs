@@ -151,14 +151,16 @@ fn open(
     let plain = Job::plain(integrator, SIZE, scene.max_depth, 1);
     let accel = AccelSpec {
         lanes: variant.lanes,
-        ..plain.accel
+        ..plain.settings.accel
     };
     let job = Job {
-        timing: variant.film.then_some(timing),
         threads: 1,
-        accel,
         ..plain
-    };
+    }
+    .with(|settings| {
+        settings.timing = variant.film.then_some(timing);
+        settings.accel = accel;
+    });
     let row = backend(backend_name).ok_or_else(|| {
         format!("there is no backend `{backend_name}`; `lumbre doctor` lists them")
     })?;

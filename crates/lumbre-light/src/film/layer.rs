@@ -13,6 +13,7 @@ use super::{Film, Image};
 
 /// Kind of a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Layer {
     /// Radiance by path length.
     Depth,

@@ -54,7 +54,7 @@ impl GuidingTree {
         scene: &Arc<CompiledScene>,
         job: &Job,
     ) -> Result<Option<GuidingTree>, RenderError> {
-        let prepared = PreparedScene::new(Arc::clone(scene), &job.accel, job.threads)?;
+        let prepared = PreparedScene::new(Arc::clone(scene), &job.settings.accel, job.threads)?;
         let begin = || PreparedJob::new(&prepared, job.clone()).begin(u64::MAX, &|| false);
         let begun = prepared.threads.pool.install(begin);
         let Some((shared, rays)) = begun else {

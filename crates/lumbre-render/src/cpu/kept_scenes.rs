@@ -67,7 +67,7 @@ pub(super) fn open(scene: Arc<CompiledScene>, job: Job) -> Result<CpuRenderer, R
     let settings = AccelSpec {
         // Lanes are a property of the run, not of the hierarchy.
         lanes: LaneMode::Auto,
-        ..job.accel
+        ..job.settings.accel
     };
     let find = |known: &Prepared| {
         let same = |(accel, threads, _): &&(AccelSpec, usize, _)| {

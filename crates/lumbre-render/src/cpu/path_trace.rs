@@ -52,7 +52,7 @@ pub(super) fn paths(
     samples: &[SampleAt],
 ) -> Result<Vec<Vec<PathEvent>>, RenderError> {
     // One sample uses one thread; only integrators with shared data use more.
-    let shared = PreparedScene::new(Arc::clone(scene), &job.accel, job.threads)?;
+    let shared = PreparedScene::new(Arc::clone(scene), &job.settings.accel, job.threads)?;
     Ok(shared.paths(job, samples))
 }
 

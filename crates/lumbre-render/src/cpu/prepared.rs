@@ -42,10 +42,14 @@ impl PreparedJob {
     pub fn new(scene: &PreparedScene, job: Job) -> PreparedJob {
         let mut prepared = PreparedJob {
             accel: Arc::clone(&scene.accel),
-            camera: Camera::new(job.camera(scene.scene()), job.resolution, job.filter),
-            lights: scene.lights(LightSelection::from_params(&job.params)),
+            camera: Camera::new(
+                job.camera(scene.scene()),
+                job.resolution,
+                job.settings.filter,
+            ),
+            lights: scene.lights(LightSelection::from_params(&job.settings.params)),
             classes: Arc::clone(&scene.classes),
-            settings: Settings::new(&job.params),
+            settings: Settings::new(&job.settings.params),
             wavefront: Wavefront::new(&job, &scene.accel),
             job,
             iterations: None,
@@ -70,7 +74,7 @@ impl PreparedJob {
         Resources {
             seed: self.job.seed,
             sampler: self.job.sampler,
-            each: !self.job.layers.is_empty() || self.job.timing.is_some(),
+            each: !self.job.settings.films.is_empty() || self.job.settings.timing.is_some(),
             workers,
         }
     }
@@ -84,10 +88,10 @@ impl PreparedJob {
             classes: &self.classes,
             trace,
             max_depth: self.job.max_depth,
-            rr_start: self.job.rr_start,
+            rr_start: self.job.settings.rr_start,
             settings: &self.settings,
-            params: &self.job.params,
-            timing: self.job.timing.as_ref(),
+            params: &self.job.settings.params,
+            timing: self.job.settings.timing.as_ref(),
             shared,
         }
     }

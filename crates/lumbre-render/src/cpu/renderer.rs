@@ -80,7 +80,7 @@ impl CpuRenderer {
         job: Job,
         isa: Isa,
     ) -> Result<CpuRenderer, RenderError> {
-        let shared = PreparedScene::with_isa(scene, &job.accel, job.threads, isa)?;
+        let shared = PreparedScene::with_isa(scene, &job.settings.accel, job.threads, isa)?;
         CpuRenderer::open(&shared, job)
     }
 

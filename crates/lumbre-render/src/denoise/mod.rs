@@ -115,24 +115,21 @@ pub fn rendered_layers(stored: &[Layer], denoise: Option<&Denoise>) -> Vec<Layer
     layers
 }
 
-/// Opens the renderer of a job by `start`, with a denoiser if there is one.
+/// Opens the renderer of a job by `start`, with the denoiser of its settings if there is one.
 ///
 /// # Errors
 /// Returns the error of `start`, or one of the denoiser.
 pub fn open<E: From<RenderError>>(
-    denoise: Option<&Denoise>,
-    job: Job,
+    mut job: Job,
     start: impl FnOnce(Job) -> Result<Box<dyn Renderer>, E>,
 ) -> Result<Box<dyn Renderer>, E> {
-    let Some(denoise) = denoise else {
+    let layers = job.settings.rendered_layers();
+    let Some(denoise) = job.settings.denoise.take() else {
         return start(job);
     };
-    let filter = Filter::new(denoise, job.resolution, job.threads)?;
-    let stored = job.layers.clone();
-    let inner = start(Job {
-        layers: rendered_layers(&stored, Some(denoise)),
-        ..job
-    })?;
+    let filter = Filter::new(&denoise, job.resolution, job.threads)?;
+    let stored = std::mem::replace(&mut job.settings.films, layers);
+    let inner = start(job)?;
     Ok(Box::new(Denoised::new(inner, filter, &stored)?))
 }
 

@@ -180,7 +180,8 @@ pub fn open(
     job: &Job,
     access: &Access<'_>,
 ) -> Result<Box<dyn Renderer>, RenderError> {
-    let technique = technique_of(job.integrator, integrator, &job.params).map_err(failed)?;
+    let technique =
+        technique_of(job.integrator, integrator, &job.settings.params).map_err(failed)?;
     if is_declared(job.integrator) && !access.commands {
         return Err(RenderError::Unsupported {
             backend: BACKEND,

@@ -81,12 +81,12 @@ impl ExternalRenderer {
         };
         let values = run_values(&technique, job, &scene_file, threads, &folder);
         let layout = LayerLayout::new(
-            &job.layers,
+            &job.settings.films,
             job.max_depth,
             u64::from(width) * u64::from(height),
         )
         .map_err(failed)?;
-        let channels = layer_channels(&job.layers, &technique.layers).map_err(failed)?;
+        let channels = layer_channels(&job.settings.films, &technique.layers).map_err(failed)?;
         let channels = channels.into_iter().map(str::to_owned).collect();
         let mut device = Device {
             peer: Some(Peer {
@@ -368,7 +368,7 @@ fn run_values(
     folder: &tempfile::TempDir,
 ) -> BTreeMap<String, String> {
     let [width, height] = job.resolution;
-    let filter = job.filter.kind.name();
+    let filter = job.settings.filter.kind.name();
     let of_run = [
         ("scene", scene.display().to_string()),
         ("width", width.to_string()),
@@ -376,7 +376,7 @@ fn run_values(
         ("depth", job.max_depth.to_string()),
         ("threads", threads.to_string()),
         ("work", folder.path().display().to_string()),
-        ("radius", job.filter.radius.to_string()),
+        ("radius", job.settings.filter.radius.to_string()),
         (
             "filter",
             technique.filters.get(filter).cloned().unwrap_or_default(),
@@ -476,8 +476,8 @@ mod tests {
             resolution: [1, 1],
             max_depth: 1,
             camera: Default::default(),
-            materials: Vec::new(),
-            entities: Vec::new(),
+            materials: Default::default(),
+            entities: Default::default(),
             lights: Vec::new(),
             environment: None,
         };

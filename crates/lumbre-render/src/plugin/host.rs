@@ -404,8 +404,8 @@ mod tests {
                 target: Vec3::ZERO,
                 ..CameraDesc::default()
             },
-            materials: Vec::new(),
-            entities: Vec::new(),
+            materials: Default::default(),
+            entities: Default::default(),
             lights: Vec::new(),
             environment: None,
         };

@@ -64,33 +64,23 @@ names! {
         = lumbre_light::transport::sampler::sampler,
 }
 
-/// Serialisation of parameters as JSON text, because their types are not known beforehand.
+/// Serialisation of settings as JSON text, because the types of parameters are not known beforehand.
 pub mod json_text {
-    use std::collections::BTreeMap;
-
-    use lumbre_light::value::Value;
     use serde::de::{Deserialize, Deserializer, Error as _};
     use serde::ser::{Error as _, Serializer};
 
-    /// Writes the parameters.
-    pub fn serialize<S: Serializer>(
-        params: &BTreeMap<String, Value>,
-        to: S,
-    ) -> Result<S::Ok, S::Error> {
-        let text = serde_json::to_string(params).map_err(S::Error::custom)?;
+    use crate::Settings;
+
+    /// Writes the settings.
+    pub fn serialize<S: Serializer>(settings: &Settings, to: S) -> Result<S::Ok, S::Error> {
+        let text = serde_json::to_string(settings).map_err(S::Error::custom)?;
         to.serialize_str(&text)
     }
 
-    /// Reads the parameters.
-    pub fn deserialize<'de, D: Deserializer<'de>>(
-        from: D,
-    ) -> Result<BTreeMap<String, Value>, D::Error> {
+    /// Reads the settings.
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Settings, D::Error> {
         let text = String::deserialize(from)?;
-        let json = serde_json::from_str(&text).map_err(D::Error::custom)?;
-        match Value::from_json(&json) {
-            Value::Map(map) => Ok(map),
-            _ => Err(D::Error::custom("parameters are a map")),
-        }
+        serde_json::from_str(&text).map_err(D::Error::custom)
     }
 }
 

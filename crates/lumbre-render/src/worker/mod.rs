@@ -117,7 +117,7 @@ impl WorkerPool {
     ) -> Result<WorkerRenderer, RenderError> {
         let lost = |reason: String| RenderError::Lost { backend, reason };
         let pixels = u64::from(job.resolution[0]) * u64::from(job.resolution[1]);
-        let layout = LayerLayout::new(&job.layers, job.max_depth, pixels)
+        let layout = LayerLayout::new(&job.settings.films, job.max_depth, pixels)
             .map_err(|reason| RenderError::Unsupported { backend, reason })?;
         let film = Film::new(job.resolution[0], job.resolution[1]);
         let process = self.worker().map_err(lost)?;

@@ -39,8 +39,8 @@ pub(super) fn job_params(
 
 /// Returns parameters with camera, limits, integrator settings and sampler; all others are zero.
 fn camera_params(scene: &CompiledScene, job: &lumbre_render::Job) -> layout::JobParams {
-    let camera = Camera::new(job.camera(scene), job.resolution, job.filter);
-    let settings = Settings::new(&job.params);
+    let camera = Camera::new(job.camera(scene), job.resolution, job.settings.filter);
+    let settings = Settings::new(&job.settings.params);
     layout::JobParams {
         camera_position: camera.position.into(),
         camera_right: camera.right.into(),
@@ -52,16 +52,16 @@ fn camera_params(scene: &CompiledScene, job: &lumbre_render::Job) -> layout::Job
         resolution: job.resolution,
         lens_radius: camera.lens_radius,
         focus_distance: camera.focus_distance,
-        filter_kind: match job.filter.kind {
+        filter_kind: match job.settings.filter.kind {
             FilterKind::Box => 0,
             FilterKind::Tent => 1,
             FilterKind::Gauss => 2,
             FilterKind::BlackmanHarris => 3,
             FilterKind::AntialiasingRadius => 4,
         },
-        filter_radius: job.filter.radius,
+        filter_radius: job.settings.filter.radius,
         max_depth: job.max_depth,
-        rr_start: job.rr_start.unwrap_or(NONE),
+        rr_start: job.settings.rr_start.unwrap_or(NONE),
         mis: match settings.mis {
             Some(Heuristic::Power) => 0,
             Some(Heuristic::Balance) => 1,
@@ -155,7 +155,7 @@ fn time_params(
     job: &lumbre_render::Job,
     emission: u32,
 ) -> layout::JobParams {
-    let timing = job.timing.as_ref();
+    let timing = job.settings.timing.as_ref();
     let axis = timing.map(|t| t.axis);
     let (filter, radius) = match timing.map_or(TimeFilter::None, |t| t.filter) {
         TimeFilter::None => (0, 0.0),

@@ -21,7 +21,7 @@ const REMEDY: &str = "the light subpaths of a sample must fit into one storage b
 pub fn count(job: &Job) -> Option<u32> {
     job.integrator.sharing?;
     let [width, height] = job.resolution.map(u64::from);
-    let count = Settings::new(&job.params).light_paths(width * height);
+    let count = Settings::new(&job.settings.params).light_paths(width * height);
     Some(u32::try_from(count).unwrap_or(u32::MAX))
 }
 

@@ -149,9 +149,9 @@ impl JobBuffers {
         room: &SubpathRoom,
     ) -> Result<JobBuffers, VulkanError> {
         let plain = vk::BufferUsageFlags::empty();
-        let lights = Lights::with_select(scene, LightSelection::from_params(&job.params));
+        let lights = Lights::with_select(scene, LightSelection::from_params(&job.settings.params));
         let (rows, cells) = environment_tables(&lights);
-        let delays = DelayRows::new(scene, job.timing.as_ref());
+        let delays = DelayRows::new(scene, job.settings.timing.as_ref());
         let params = job_params(scene, job, &lights, layers, room, delays.emission);
         Ok(JobBuffers {
             job: Buffer::with(

@@ -87,7 +87,7 @@ impl LightPathPipelines {
             self.record(commands, bindings, (PREPARED[0], 0), count);
             device.barrier_to_copy(commands);
         })?;
-        let (listed, settings) = (buffers.listed()?, Settings::new(&job.params));
+        let (listed, settings) = (buffers.listed()?, Settings::new(&job.settings.params));
         buffers.set_connecting(cache::connecting(&settings, listed.into()) as f32)
     }
 

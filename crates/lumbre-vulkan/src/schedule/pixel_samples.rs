@@ -58,8 +58,9 @@ impl PixelSamples {
     pub fn parallel(job: &Job) -> Option<PixelSamples> {
         let values = MAX_VALUES.min(subpaths::samples_anywhere(job));
         let at_once = (values / pixels(job).max(1)).min(MAX_AT_ONCE);
-        let is_plain =
-            job.layers.is_empty() && job.timing.is_none() && job.integrator.sharing.is_none();
+        let is_plain = job.settings.films.is_empty()
+            && job.settings.timing.is_none()
+            && job.integrator.sharing.is_none();
         (is_plain && at_once > 1).then_some(PixelSamples::Parallel(at_once as u32))
     }
 
@@ -96,10 +97,9 @@ mod tests {
         assert_eq!(suitable(&device, &small), PixelSamples::Parallel(145));
         assert_eq!(suitable(&device, &job([1, 1])).at_once(), Some(32768));
         assert_eq!(suitable(&device, &job([1280, 720])), PixelSamples::InTurn);
-        let with_layers = Job {
-            layers: vec![Layer::Depth],
-            ..small.clone()
-        };
+        let with_layers = small
+            .clone()
+            .with(|settings| settings.films = vec![Layer::Depth]);
         assert_eq!(suitable(&device, &with_layers), PixelSamples::InTurn);
         assert_eq!(PixelSamples::parallel(&job([8192, 8192])), None);
         // The vertices of these fit into 128 MiB.

@@ -65,10 +65,8 @@ fn inside_a_sphere() -> Arc<CompiledScene> {
 /// Returns the job with a value of the parameter.
 fn job(distance: f64) -> Job {
     trial(distance);
-    Job {
-        params: [(DISTANCE.key.to_owned(), distance.into())].into(),
-        ..Job::plain(integrator(ROW.name).unwrap(), [SIDE; 2], 2, 1)
-    }
+    Job::plain(integrator(ROW.name).unwrap(), [SIDE; 2], 2, 1)
+        .with(|settings| settings.params = [(DISTANCE.key.to_owned(), distance.into())].into())
 }
 
 /// Renders a job.
@@ -107,17 +105,14 @@ fn the_inside_of_a_sphere_is_as_open_as_the_closed_form_says() {
 fn vectors_threads_and_waves_do_not_change_a_bit() {
     trial(0.4).same_bits().unwrap();
     trial(0.4).seeds().unwrap();
-    let single = Job {
-        accel: job(1.0).accel.scalar(),
-        ..job(1.0)
-    };
+    let single = job(1.0).with(|settings| settings.accel = settings.accel.scalar());
     assert_eq!(render(single).film(), render(job(1.0)).film());
 }
 
 #[test]
 fn a_film_with_a_time_axis_sums_to_the_picture() {
-    let timed = Job {
-        timing: Some(Timing {
+    let timed = job(1.0).with(|settings| {
+        settings.timing = Some(Timing {
             axis: TimeAxis {
                 start: 0.0,
                 bin: 0.25,
@@ -128,9 +123,8 @@ fn a_film_with_a_time_axis_sums_to_the_picture() {
             medium: 1.0,
             emission: Profile::NONE,
             metres: 0.0,
-        }),
-        ..job(1.0)
-    };
+        })
+    });
     let timed = render(timed);
     assert_eq!(timed.film(), render(job(1.0)).film());
     assert_eq!(timed.times().unwrap().steady(), timed.film().mean());

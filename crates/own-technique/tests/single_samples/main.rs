@@ -89,11 +89,10 @@ fn time_bins(name: &str, params: &[(&str, &str)]) -> Vec<f64> {
     let params = params
         .iter()
         .map(|(key, value)| ((*key).to_owned(), (*value).into()));
-    let job = Job {
-        params: params.collect(),
-        timing: Some(timing),
-        ..Job::plain(integrator(name).unwrap(), [16; 2], 4, 1)
-    };
+    let job = Job::plain(integrator(name).unwrap(), [16; 2], 4, 1).with(|settings| {
+        settings.params = params.collect();
+        settings.timing = Some(timing);
+    });
     let mut renderer = CpuRenderer::new(two_spheres(), job).unwrap();
     assert_eq!(renderer.advance(64).unwrap().invalid, 0);
     let times = renderer.times().unwrap();

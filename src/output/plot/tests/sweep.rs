@@ -239,7 +239,7 @@ fn zipped() -> (Plan, Vec<CellResult>) {
             Value::from(["box", "gauss"][i % 4 / 2]),
         ));
         let integrator = if i < 4 { "bpt" } else { "nee" }.to_owned();
-        cell.config = std::sync::Arc::new(crate::experiment::CellConfig {
+        cell.config = std::sync::Arc::new(lumbre_render::Settings {
             integrator,
             ..(*cell.config).clone()
         });

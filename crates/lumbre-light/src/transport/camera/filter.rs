@@ -16,6 +16,7 @@ use crate::math::real::Real;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FilterSpec {
     /// The shape of the filter.
+    #[serde(rename = "filter")]
     pub kind: FilterKind,
     /// Half width in pixels, at which the filter ends: a box of radius 0.5 is the pixel. For
     /// [`FilterKind::AntialiasingRadius`] half a standard deviation.
@@ -24,6 +25,7 @@ pub struct FilterSpec {
 
 /// The shape of a pixel filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum FilterKind {
     /// Constant density up to the radius.
     Box,

@@ -57,11 +57,11 @@ impl LayerFilms {
     /// # Errors
     /// Returns a message if they exceed the limits of [`LayerLayout::new`].
     pub(crate) fn for_job(job: &Job) -> Result<Option<LayerFilms>, String> {
-        if job.layers.is_empty() {
+        if job.settings.films.is_empty() {
             return Ok(None);
         }
         let pixels = u64::from(job.resolution[0]) * u64::from(job.resolution[1]);
-        let layout = LayerLayout::new(&job.layers, job.max_depth, pixels)?;
+        let layout = LayerLayout::new(&job.settings.films, job.max_depth, pixels)?;
         let mut splat_films = 0;
         let mut next_splat_index = |film: &LayerFilm| {
             film.splats.then(|| {

@@ -42,7 +42,7 @@ impl TimeFilm {
     /// # Errors
     /// Returns a message if the film exceeds the limit of [`bytes`].
     pub(crate) fn for_job(job: &Job) -> Result<Option<TimeFilm>, String> {
-        let Some(timing) = &job.timing else {
+        let Some(timing) = &job.settings.timing else {
             return Ok(None);
         };
         let pixels = u64::from(job.resolution[0]) * u64::from(job.resolution[1]);

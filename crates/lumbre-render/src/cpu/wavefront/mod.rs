@@ -125,7 +125,7 @@ impl Wavefront {
             Isa::Avx2 => Width::eight(),
             Isa::Avx512 => Width::sixteen(),
         }?;
-        if job.accel.lanes == LaneMode::Never {
+        if job.settings.accel.lanes == LaneMode::Never {
             return None;
         }
         Some(Wavefront {

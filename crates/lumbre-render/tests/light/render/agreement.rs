@@ -129,7 +129,8 @@ fn picture(
     samples: u64,
 ) -> Vec<(f64, f64)> {
     let mut j = job([SIDE as u32; 2], setting.depth, seed);
-    (j.integrator, j.params, j.rr_start) = (row, params.clone(), setting.rr_start);
+    (j.integrator, j.settings.params, j.settings.rr_start) =
+        (row, params.clone(), setting.rr_start);
     if row.has_common_noise() {
         return blocks_by_iteration(setting.scene, j, samples);
     }

@@ -34,7 +34,7 @@ fn integrators_agree_on_caustic_and_reflection_of_the_glass_egg() {
     let scene = Arc::new(compile(&desc).unwrap().0);
     let picture = |(row, params): Technique, seed: u64, samples: u64| -> Film {
         let mut j = job([36, 24], 5, seed);
-        (j.integrator, j.params) = (row, params);
+        (j.integrator, j.settings.params) = (row, params);
         render(&scene, j, samples)
     };
     let samples = 3000;

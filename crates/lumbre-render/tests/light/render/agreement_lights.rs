@@ -161,7 +161,7 @@ fn floor(lit: impl FnOnce(SceneBuilder) -> SceneBuilder, params: &[(&str, Value)
         grey(0.6),
     );
     let mut j = job([4, 4], 3, 9);
-    (j.integrator, j.params) = (integrator("nee").unwrap(), self::params(params));
+    (j.integrator, j.settings.params) = (integrator("nee").unwrap(), self::params(params));
     mean_and_error(&render(&lit(floor).build(), j, 4000), 1)
 }
 

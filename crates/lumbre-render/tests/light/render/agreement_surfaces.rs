@@ -310,7 +310,7 @@ fn terminator(shadow_terminator: bool) -> (f64, f64, usize) {
     let scene = Arc::new(scene);
     let side = 64;
     let mut j = job([side, side], 2, 1);
-    (j.integrator, j.filter.radius) = (integrator("nee").unwrap(), 0.0);
+    (j.integrator, j.settings.filter.radius) = (integrator("nee").unwrap(), 0.0);
     let film = render(&scene, j, 1);
     let accel = Accel::build(Arc::clone(&scene)).unwrap();
     let (mut found, mut expected, mut black) = (0.0, 0.0, 0);

@@ -176,9 +176,9 @@ fn pictures_have_the_same_bits_with_every_builder() {
     let with = |spec: AccelSpec| {
         let bdpt = Job {
             integrator: integrator("bdpt").unwrap(),
-            accel: spec,
             ..job([24, 24], 4, 5)
-        };
+        }
+        .with(|settings| settings.accel = spec);
         render(&scene, bdpt, 2)
     };
     let expected = with(AccelSpec::default());

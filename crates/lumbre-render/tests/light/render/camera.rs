@@ -497,9 +497,9 @@ fn splats_through_every_filter_have_the_mean_of_camera_rays() {
                     &scene,
                     Job {
                         integrator,
-                        filter,
                         ..job(size, 2, seed)
-                    },
+                    }
+                    .with(|settings| settings.filter = filter),
                     3000,
                 );
                 (film.mean(), film.variance_of_mean())

@@ -329,10 +329,9 @@ fn times_of_an_orthographic_camera_are_counted_from_its_plane() {
         .build();
     for (s, t) in [(0i64, 2i64), (1, 1)] {
         let pair = Value::List(vec![Value::Int(s), Value::Int(t)]);
-        let j = Job {
-            params: params(&[("mis", "none".into()), ("strategies", pair)]),
-            ..timed_job("bdpt", timing(1.55, 0.25, 4), [6, 4], 2, 1)
-        };
+        let j = timed_job("bdpt", timing(1.55, 0.25, 4), [6, 4], 2, 1).with(|settings| {
+            settings.params = params(&[("mis", "none".into()), ("strategies", pair)])
+        });
         let renderer = render_waves(&scene, j, &[400]);
         let times = renderer.times().unwrap();
         for slot in 0..6 {

@@ -177,11 +177,13 @@ fn split_job((row, params): &Technique, threads: usize) -> Job {
     let photons = ("photons".to_owned(), Value::Int(3001));
     Job {
         integrator: row,
-        params: params.clone().into_iter().chain([photons]).collect(),
-        rr_start: Some(3),
         threads,
         ..job([17, 13], 5, 11)
     }
+    .with(|settings| {
+        settings.params = params.clone().into_iter().chain([photons]).collect();
+        settings.rr_start = Some(3);
+    })
 }
 
 #[test]
@@ -301,10 +303,7 @@ fn light_by_depth_agrees_with_bidirectional_path_tracing() {
     use lumbre_light::film::layer::Layer;
     let scene = panel(boxed(GLASS));
     let layers = |job: Job, samples| {
-        let job = Job {
-            layers: vec![Layer::Depth],
-            ..job
-        };
+        let job = job.with(|settings| settings.films = vec![Layer::Depth]);
         let mut renderer = CpuRenderer::new(Arc::clone(&scene), job).unwrap();
         assert_eq!(renderer.advance(samples).unwrap().invalid, 0);
         let films: Vec<Film> = (0..5).map(|k| renderer.layer(k).unwrap()).collect();
@@ -354,10 +353,10 @@ fn arrival_times_agree_with_bidirectional_path_tracing() {
     let histograms = |job: &Job, samples| -> Vec<Vec<f64>> {
         let histogram = |seed| {
             let job = Job {
-                timing: Some(timing(0.5, 0.7, 8)),
                 seed,
                 ..job.clone()
-            };
+            }
+            .with(|settings| settings.timing = Some(timing(0.5, 0.7, 8)));
             let mut renderer = CpuRenderer::new(Arc::clone(&scene), job).unwrap();
             assert_eq!(renderer.advance(samples).unwrap().invalid, 0);
             let cube = renderer.times().unwrap();

@@ -120,7 +120,9 @@ fn assert_radius_follows_index(technique: &Technique) {
     let scene = lamp_over_floor();
     let shrinking = |first_sample, samples| {
         let mut job = constant_job(technique, 8, 2, 0.8, 20_000);
-        job.params.insert("alpha".to_owned(), Value::Int(0));
+        job.settings
+            .params
+            .insert("alpha".to_owned(), Value::Int(0));
         job.first_sample = first_sample;
         column(&spread(&scene, &job, 8, samples), 0)
     };
@@ -159,9 +161,9 @@ fn the_automatic_radius_is_three_pixels() {
     for seed in 0..400 {
         let job = Job {
             integrator: integrator("sppm").unwrap(),
-            params: params(&[("photons", Value::Int(1))]),
             ..job([16; 2], 2, seed)
-        };
+        }
+        .with(|settings| settings.params = params(&[("photons", Value::Int(1))]));
         let film = render(&scene, job, 1);
         let direct = 0.4 * 3.0;
         let lit: Vec<[f64; 2]> = (0..256)

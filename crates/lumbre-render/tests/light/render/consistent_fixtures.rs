@@ -45,15 +45,16 @@ pub fn constant_job(
 ) -> Job {
     let mut job = Job {
         integrator: row,
-        params: params.clone(),
         ..job([side; 2], depth, 1)
-    };
+    }
+    .with(|settings| settings.params = params.clone());
     let constant = [
         ("radius", Value::Num(radius)),
         ("photons", Value::Int(photons)),
         ("alpha", Value::Int(1)),
     ];
-    job.params
+    job.settings
+        .params
         .extend(constant.map(|(key, value)| (key.to_owned(), value)));
     job
 }

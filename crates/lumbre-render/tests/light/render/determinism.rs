@@ -102,9 +102,9 @@ fn a_run_resumed_from_a_checkpoint_has_the_same_bits() {
         let integrator = integrator(name).unwrap();
         let job = Job {
             integrator,
-            layers,
             ..job([12, 10], 3, 15)
-        };
+        }
+        .with(|settings| settings.films = layers);
         let open = || CpuRenderer::new(Arc::clone(&scene), job.clone()).unwrap();
         let mut whole = open();
         whole.advance(6).unwrap();

@@ -45,7 +45,7 @@ fn the_radiance_of_a_closed_furnace_is_a_geometric_series_of_depth() {
 fn russian_roulette_keeps_the_mean() {
     let scene = furnace(0.8, 1.0).build();
     let mut j = job([32, 32], 200, 2);
-    j.rr_start = Some(1);
+    j.settings.rr_start = Some(1);
     let film = render(&scene, j, 64);
     let (mean, error) = mean_and_error(&film, 0);
     assert!(error > 0.0 && error < 0.02, "{error}");
@@ -229,9 +229,9 @@ fn an_environment_keeps_its_light_beside_others_if_all_lights_are_sampled() {
             let (row, params) = technique(name, &pairs);
             let job = Job {
                 integrator: row,
-                params,
                 ..job([8, 8], 2, 7)
-            };
+            }
+            .with(|settings| settings.params = params);
             let (mean, error) = mean_and_error(&render(&scene, job, 256), 1);
             assert!(error < 0.01, "{name}, {lights}: {error}");
             let off = (mean - 0.5).abs();

@@ -73,9 +73,9 @@ fn variance(film: &Film) -> f64 {
 fn job_of((row, params): &Technique, side: u32, depth: u32) -> Job {
     Job {
         integrator: row,
-        params: params.clone(),
         ..job([side; 2], depth, 5)
     }
+    .with(|settings| settings.params = params.clone())
 }
 
 #[test]
@@ -166,11 +166,13 @@ fn wide_pictures_have_the_same_bits_in_all_lanes_with_layers_and_with_time() {
     let films = |lanes, layers: &[Layer], timed: bool| {
         let mut job = Job {
             resolution: [301, 2],
-            layers: layers.to_vec(),
-            timing: timed.then(|| Timing::plain(axis)),
             ..job_of(&trained(4, 40.0), 1, 5)
-        };
-        job.accel.lanes = lanes;
+        }
+        .with(|settings| {
+            settings.films = layers.to_vec();
+            settings.timing = timed.then(|| Timing::plain(axis));
+        });
+        job.settings.accel.lanes = lanes;
         let mut renderer = CpuRenderer::new(Arc::clone(&scene), job).unwrap();
         renderer.advance(6).unwrap();
         let layers: Vec<Film> = (0..renderer.layers().len())

@@ -455,12 +455,13 @@ fn builders_without_instances_render_the_flattened_scene() {
     let flat = flattened_scene(&scene);
     assert!(!scene.instances.placements.is_empty() && flat.instances.placements.is_empty());
     for builder in [Builder::None, Builder::Cwbvh] {
-        let job = |scene: &CompiledScene| Job {
-            accel: AccelSpec {
-                builder,
-                ..AccelSpec::default()
-            },
-            ..scene_job("nee", scene, 3)
+        let job = |scene: &CompiledScene| {
+            scene_job("nee", scene, 3).with(|settings| {
+                settings.accel = AccelSpec {
+                    builder,
+                    ..AccelSpec::default()
+                }
+            })
         };
         let (a, b) = (render(&scene, job(&scene), 2), render(&flat, job(&flat), 2));
         assert!(a.sum.iter().flatten().sum::<f64>() > 0.0);

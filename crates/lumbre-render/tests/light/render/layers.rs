@@ -37,9 +37,9 @@ fn render_waves(scene: &Arc<CompiledScene>, job: Job, waves: &[u64]) -> CpuRende
 fn layered_job(name: &str, layers: &[Layer], depth: u32, seed: u64) -> Job {
     Job {
         integrator: integrator(name).unwrap(),
-        layers: layers.to_vec(),
         ..job([12; 2], depth, seed)
     }
+    .with(|settings| settings.films = layers.to_vec())
 }
 
 /// Returns every film with its sums.
@@ -164,10 +164,7 @@ fn layers_by_depth_and_by_strategy_sum_to_the_film() {
 fn layers_of_splats_sum_to_the_film_with_the_same_bits_for_any_threads_and_waves() {
     let scene = empty_scene();
     let row = test_integrator(scatter);
-    let with = |threads| Job {
-        layers: all(),
-        ..test_job(row, threads)
-    };
+    let with = |threads| test_job(row, threads).with(|settings| settings.films = all());
     let whole = render_waves(&scene, with(1), &[21]);
     assert_layers_sum_to_the_film(&whole);
     let expected = films(&whole);
@@ -224,10 +221,7 @@ fn values_that_the_film_rejects_are_rejected_by_every_layer() {
     for sample in [invalid_splats as SampleFn, invalid_in_a_corner] {
         let renderer = render_waves(
             &empty_scene(),
-            Job {
-                layers: LIGHT.to_vec(),
-                ..test_job(test_integrator(sample), 0)
-            },
+            test_job(test_integrator(sample), 0).with(|settings| settings.films = LIGHT.to_vec()),
             &[5],
         );
         assert_layers_sum_to_the_film(&renderer);
@@ -356,10 +350,8 @@ fn first_hit_layers_hold_albedo_normal_and_distance() {
             ochre,
         )
         .build();
-    let job = Job {
-        layers: vec![Layer::Distance, Layer::Normal, Layer::Albedo],
-        ..job([12; 2], 3, 4)
-    };
+    let job = job([12; 2], 3, 4)
+        .with(|settings| settings.films = vec![Layer::Distance, Layer::Normal, Layer::Albedo]);
     let renderer = render_waves(&scene, job, &[64]);
     let images: Vec<Image> = films(&renderer)
         .iter()
@@ -394,11 +386,11 @@ fn first_hit_layers_hold_albedo_normal_and_distance() {
 #[test]
 fn layers_that_do_not_fit_or_are_unsupported_are_refused_before_rendering() {
     let huge = Job {
-        layers: vec![Layer::Strategies],
         max_depth: 40,
         resolution: [4096; 2],
         ..layered_job("bdpt", &[], 1, 1)
-    };
+    }
+    .with(|settings| settings.films = vec![Layer::Strategies]);
     let Err(RenderError::Unsupported { reason, .. }) = CpuRenderer::new(empty_scene(), huge) else {
         panic!("a job of more than 8 GiB was accepted")
     };

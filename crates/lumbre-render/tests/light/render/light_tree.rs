@@ -202,9 +202,9 @@ fn the_tree_has_less_noise_than_power_where_lamps_are_many() {
         let (row, params) = technique("nee", &[("select", select.into())]);
         let job = Job {
             integrator: row,
-            params,
             ..job([16; 2], 2, 1)
-        };
+        }
+        .with(|settings| settings.params = params);
         let (mean, error) = mean_and_error(&column(&spread(&scene, &job, 16, 16), 0));
         (error / mean).powi(2)
     };
@@ -230,9 +230,9 @@ fn scenes_without_light_and_with_one_triangle_render() {
             let (row, params) = technique(name, &[("select", "tree".into())]);
             let job = Job {
                 integrator: row,
-                params,
                 ..job([8; 2], 3, 1)
-            };
+            }
+            .with(|settings| settings.params = params);
             render(scene, job, 4)
         };
         for dark in [grey(0.5), light(0.0)] {

@@ -30,9 +30,9 @@ fn lvc([connections, candidates, photons]: [i64; 3], side: u32, depth: u32) -> J
     );
     Job {
         integrator: row,
-        params,
         ..job([side; 2], depth, 1)
     }
+    .with(|settings| settings.params = params)
 }
 
 #[test]
@@ -100,11 +100,13 @@ fn candidates_lower_the_noise_of_indirect_light() {
 fn threads_waves_and_checkpoints_do_not_change_its_bits() {
     let scene = varied();
     for sampler in [INDEPENDENT, SOBOL] {
-        let with = |threads| Job {
-            threads,
-            sampler,
-            rr_start: Some(3),
-            ..lvc([2, 4, 3000], 17, 6)
+        let with = |threads| {
+            Job {
+                threads,
+                sampler,
+                ..lvc([2, 4, 3000], 17, 6)
+            }
+            .with(|settings| settings.rr_start = Some(3))
         };
         let whole = render(&scene, with(1), 6);
         assert!(whole.sum.iter().any(|sum| sum[0] > 0.0));

@@ -24,7 +24,7 @@ fn scene() -> Arc<CompiledScene> {
 fn job(builder: Builder, lanes: LaneMode) -> Job {
     let mut job = Job::plain(integrator("nee").unwrap(), [8, 8], 3, 7);
     job.threads = 2;
-    (job.accel.builder, job.accel.lanes) = (builder, lanes);
+    (job.settings.accel.builder, job.settings.accel.lanes) = (builder, lanes);
     job
 }
 

@@ -35,10 +35,10 @@ fn hits(scene: &Arc<CompiledScene>, name: &str, rr_start: u32) -> Vec<usize> {
     let [side, samples] = SIZE;
     let job = Job {
         integrator: integrator(name).unwrap(),
-        rr_start: Some(rr_start),
         threads: 1,
         ..job([side; 2], 40, 3)
-    };
+    }
+    .with(|settings| settings.rr_start = Some(rr_start));
     let at = |i: u32| SampleAt {
         pixel: [i % side, i / side % side],
         sample: u64::from(i / (side * side)),

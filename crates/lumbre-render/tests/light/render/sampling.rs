@@ -51,9 +51,9 @@ fn films(
             Job {
                 integrator,
                 sampler,
-                rr_start: Some(3),
                 ..job(SIZE, 5, seed)
-            },
+            }
+            .with(|settings| settings.rr_start = Some(3)),
             16,
         )
     };

@@ -70,9 +70,10 @@ fn uniform_directions_have_the_same_mean_as_those_of_the_bsdf() {
 
 #[test]
 fn uniform_directions_have_the_same_bits_in_lanes() {
-    let uniform = |job: Job| Job {
-        params: [("directions".to_owned(), Value::from("uniform"))].into(),
-        ..job
+    let uniform = |job: Job| {
+        job.with(|settings| {
+            settings.params = [("directions".to_owned(), Value::from("uniform"))].into()
+        })
     };
     let interfaces = interfaces();
     let others = interfaces.iter().map(|(name, m)| (name.as_str(), *m));
@@ -106,9 +107,9 @@ fn the_bsdf_of_a_metal_has_less_noise_than_uniform_directions() {
     let film = |(row, params): Technique| {
         let job = Job {
             integrator: row,
-            params,
             ..job([16; 2], 2, 1)
-        };
+        }
+        .with(|settings| settings.params = params);
         render(&scene, job, 64)
     };
     let (bsdf, spread) = (film(technique("bpt", &[])), film(uniform("bpt")));
@@ -179,9 +180,9 @@ fn both_samplings_of_the_environment_have_the_same_mean_and_luminance_has_less_n
             let (row, params) = technique("nee", params);
             let job = Job {
                 integrator: row,
-                params,
                 ..job([16; 2], 3, 1)
-            };
+            }
+            .with(|settings| settings.params = params);
             render(scene, job, 512)
         };
         let (a, b) = (film(&importance), film(&uniform));
@@ -275,9 +276,9 @@ fn picture(desc: &SceneDesc) -> Vec<[f64; 3]> {
     let (row, params) = technique("nee", &[]);
     let job = Job {
         integrator: row,
-        params,
         ..job(desc.resolution, 3, 5)
-    };
+    }
+    .with(|settings| settings.params = params);
     render(&Arc::new(scene), job, 4).sum
 }
 

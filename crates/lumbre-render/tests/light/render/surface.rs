@@ -340,7 +340,7 @@ fn a_ray_crosses_the_mask_of_a_sphere_twice() {
         (200, Builder::Cwbvh),
     ] {
         let mut job = job([8, 8], 2, 3);
-        job.accel.builder = builder;
+        job.settings.accel.builder = builder;
         let film = render(&masked_sphere(0.4, more), job, 4000);
         let (mean, error) = mean_and_error(&film, 0);
         assert!(

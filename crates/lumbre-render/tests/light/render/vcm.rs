@@ -26,12 +26,16 @@ fn vcm() -> Technique {
 fn connecting_alone_gives_the_bits_of_bidirectional_path_tracing() {
     let scene = varied();
     for sampler in [INDEPENDENT, SOBOL] {
-        let with = |(row, params): Technique| Job {
-            integrator: row,
-            params,
-            sampler,
-            rr_start: Some(3),
-            ..job([17, 13], 6, 4)
+        let with = |(row, params): Technique| {
+            Job {
+                integrator: row,
+                sampler,
+                ..job([17, 13], 6, 4)
+            }
+            .with(|settings| {
+                settings.params = params;
+                settings.rr_start = Some(3);
+            })
         };
         let connected = with(technique("vcm", &[("join", "connect".into())]));
         let film = render(&scene, connected, 4);
@@ -118,7 +122,9 @@ fn it_finds_reflected_caustics_with_less_noise_than_connections() {
     };
     let connected = error(&scene, &bdpt, 64, &truth);
     let mut vcm = constant_job(&vcm(), 16, 6, 0.06, 256);
-    vcm.params.insert("alpha".to_owned(), Value::Num(0.75));
+    vcm.settings
+        .params
+        .insert("alpha".to_owned(), Value::Num(0.75));
     let errors = [16, 64, 256].map(|samples| error(&scene, &vcm, samples, &truth));
     println!("bdpt {connected}, vcm {errors:?}");
     assert!(errors[1] < 0.5 * connected, "{errors:?} and {connected}");
@@ -147,9 +153,9 @@ fn degenerate_scenes_render() {
             let (row, params) = technique("vcm", &[("join", join.into())]);
             let job = Job {
                 integrator: row,
-                params,
                 ..job([8, 8], depth, 1)
-            };
+            }
+            .with(|settings| settings.params = params);
             render(scene, job, 4)
         };
         let black = film(&triangle(grey(0.5)).build(), 4);

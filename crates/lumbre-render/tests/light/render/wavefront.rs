@@ -139,9 +139,9 @@ fn every_setting_has_the_same_bits_in_lanes() {
         ..DISNEY
     })
     .build();
-    let with = |key: &str, word: &str| Job {
-        params: [(key.to_owned(), Value::from(word))].into(),
-        ..nee_job([23, 13], 5)
+    let with = |key: &str, word: &str| {
+        nee_job([23, 13], 5)
+            .with(|settings| settings.params = [(key.to_owned(), Value::from(word))].into())
     };
     let sample = 1 << 33;
     for (name, job) in [
@@ -150,10 +150,7 @@ fn every_setting_has_the_same_bits_in_lanes() {
         ("uniform", with("select", "uniform")),
         (
             "roulette",
-            Job {
-                rr_start: Some(2),
-                ..nee_job([23, 13], 12)
-            },
+            nee_job([23, 13], 12).with(|settings| settings.rr_start = Some(2)),
         ),
         (
             "later samples, another seed",
@@ -187,10 +184,7 @@ fn every_setting_has_the_same_bits_in_lanes() {
             "strategies".to_owned(),
             Value::List(vec![Value::Int(s), Value::Int(t)]),
         );
-        with_bdpt(Job {
-            params,
-            ..nee_job([23, 13], 5)
-        })
+        with_bdpt(nee_job([23, 13], 5).with(|settings| settings.params = params))
     };
     for (s, t) in [(0, 3), (1, 2), (2, 2), (3, 2), (2, 1)] {
         assert_same_bits("one strategy", &scene, one(s, t, &[]), 5);
@@ -238,10 +232,7 @@ fn every_setting_has_the_same_bits_in_lanes() {
     assert_same_bits(
         "roulette, bpt",
         &scene,
-        with_bpt(Job {
-            rr_start: Some(2),
-            ..nee_job([23, 13], 12)
-        }),
+        with_bpt(nee_job([23, 13], 12).with(|settings| settings.rr_start = Some(2))),
         5,
     );
 }
@@ -257,11 +248,11 @@ fn every_camera_has_the_same_bits_in_lanes() {
     for (kind, name) in FILTERS {
         let filter = FilterSpec { kind, radius: 1.25 };
         let job = Job {
-            filter,
             first_sample: 1 << 32,
             seed: 3 << 32,
             ..nee_job([21, 13], 3)
-        };
+        }
+        .with(|settings| settings.filter = filter);
         assert_same_bits(name, &scene().build(), job.clone(), 5);
         assert_same_bits(name, &scene().build(), with_bdpt(job.clone()), 5);
         assert_same_film_bits(name, &scene().build(), with_vcm(job.clone()), 3);
@@ -301,19 +292,18 @@ fn every_time_axis_has_the_same_bits_in_lanes() {
         .environment(None, Vec3::splat(0.2), 0.0)
         .build();
     let timed_job = with_time_axis(&nee_job([23, 13], 6));
-    let axis = timed_job.timing.clone().unwrap();
+    let axis = timed_job.settings.timing.clone().unwrap();
     let wave = Job {
         threads: 3,
-        rr_start: Some(3),
         ..timed_job.clone()
-    };
+    }
+    .with(|settings| settings.rr_start = Some(3));
     let with = |change: &dyn Fn(&mut Timing)| {
         let mut timing = axis.clone();
         change(&mut timing);
-        Job {
-            timing: Some(timing),
-            ..timed_job.clone()
-        }
+        timed_job
+            .clone()
+            .with(|settings| settings.timing = Some(timing))
     };
     for (name, job) in [
         (

@@ -44,21 +44,18 @@ fn samplers_layers_and_light_selection_have_the_same_bits_in_lanes() {
     let job = nee_job([21, 9], 5);
     let sobol = Job {
         sampler: SOBOL,
-        rr_start: Some(2),
         ..job.clone()
-    };
+    }
+    .with(|settings| settings.rr_start = Some(2));
     let zsobol = Job {
         sampler: sampler("zsobol4").unwrap(),
         ..sobol.clone()
     };
-    let layers = Job {
-        layers: LAYERS.iter().map(|row| row.layer).collect(),
-        ..job.clone()
-    };
-    let all = Job {
-        params: [("lights".to_owned(), Value::from("all"))].into(),
-        ..job
-    };
+    let layers = job
+        .clone()
+        .with(|settings| settings.films = LAYERS.iter().map(|row| row.layer).collect());
+    let all =
+        job.with(|settings| settings.params = [("lights".to_owned(), Value::from("all"))].into());
     for (name, job) in [("sobol", sobol), ("zsobol4", zsobol), ("layers", layers)] {
         for job in techniques(&job) {
             assert_same_bits(name, &scene, job, 3);
@@ -67,9 +64,9 @@ fn samplers_layers_and_light_selection_have_the_same_bits_in_lanes() {
     assert_same_bits("all lights", &scene, all.clone(), 3);
     let all_by_sobol = Job {
         sampler: SOBOL,
-        layers: vec![Layer::Depth, Layer::Rays],
         ..all
-    };
+    }
+    .with(|settings| settings.films = vec![Layer::Depth, Layer::Rays]);
     assert_same_bits("all lights, sobol, layers", &scene, all_by_sobol, 3);
 }
 
@@ -80,10 +77,7 @@ fn all_kinds_of_cameras_have_the_same_bits_in_lanes() {
             .with(|s| (s.camera.kind, s.camera.view_height) = (kind, 1.3))
             .build();
         for filter in [FilterSpec::PIXEL, TENT] {
-            let job = Job {
-                filter,
-                ..nee_job([21, 9], 5)
-            };
+            let job = nee_job([21, 9], 5).with(|settings| settings.filter = filter);
             for job in techniques(&job) {
                 assert_same_bits(kind.name(), &scene, job, 3);
             }
@@ -198,10 +192,9 @@ fn terminator_offsets_have_the_same_bits_in_lanes() {
     };
     let scene = room(soft).build();
     let job = nee_job([21, 9], 5);
-    let all = Job {
-        params: [("lights".to_owned(), Value::from("all"))].into(),
-        ..job.clone()
-    };
+    let all = job
+        .clone()
+        .with(|settings| settings.params = [("lights".to_owned(), Value::from("all"))].into());
     let sobol = with_bdpt(Job {
         sampler: SOBOL,
         ..job.clone()
@@ -222,12 +215,17 @@ fn composed_and_delayed_materials_have_the_same_bits_in_lanes() {
         for job in techniques(&nee_job([12, 12], 4)) {
             assert_same_bits(ball, &scene, job.clone(), 4);
             let pulse = with_time_axis(&job);
-            let timing = pulse.timing.clone().map(|timing| Timing {
+            let timing = pulse.settings.timing.clone().map(|timing| Timing {
                 emission: Profile::Exponential(2.0),
                 camera: false,
                 ..timing
             });
-            assert_same_film_bits(ball, &scene, Job { timing, ..pulse }, 4);
+            assert_same_film_bits(
+                ball,
+                &scene,
+                pulse.with(|settings| settings.timing = timing),
+                4,
+            );
         }
     }
 }
@@ -242,7 +240,7 @@ fn every_technique_goes_in_lanes_unless_the_job_says_never() {
     let job = nee_job([4, 4], 3);
     for job in techniques(&job) {
         assert_eq!(is_vectorised(job.clone()), has_vectors);
-        let accel = job.accel.scalar();
-        assert!(!is_vectorised(Job { accel, ..job }));
+        let accel = job.settings.accel.scalar();
+        assert!(!is_vectorised(job.with(|settings| settings.accel = accel)));
     }
 }

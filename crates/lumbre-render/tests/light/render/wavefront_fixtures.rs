@@ -310,9 +310,9 @@ pub fn nee_job(resolution: [u32; 2], max_depth: u32) -> Job {
     };
     Job {
         threads: 1,
-        accel,
         ..Job::plain(integrator("nee").unwrap(), resolution, max_depth, 5)
     }
+    .with(|settings| settings.accel = accel)
 }
 
 /// Returns the job with `bpt`, which makes no connections.
@@ -337,7 +337,7 @@ pub fn with_technique(mut job: Job, name: &str, params: &[(&str, Value)]) -> Job
     let params = params
         .iter()
         .map(|(key, value)| ((*key).to_owned(), value.clone()));
-    job.params.extend(params);
+    job.settings.params.extend(params);
     job
 }
 
@@ -377,14 +377,13 @@ pub fn with_guided_bdpt(job: Job) -> Job {
 
 /// Returns the job with a time axis on which most light arrives, and some before it and after it.
 pub fn with_time_axis(job: &Job) -> Job {
-    Job {
-        timing: Some(Timing::plain(TimeAxis {
+    job.clone().with(|settings| {
+        settings.timing = Some(Timing::plain(TimeAxis {
             start: 2.0,
             bin: 0.125,
             bins: 40,
-        })),
-        ..job.clone()
-    }
+        }))
+    })
 }
 
 /// Returns the bits of a film with a time axis. Panics unless the film is the sum of its slots.
@@ -438,10 +437,8 @@ pub fn assert_same_film_bits(name: &str, scene: &Arc<CompiledScene>, job: Job, s
         )
     };
     let scalar = run(
-        Job {
-            accel: job.accel.scalar(),
-            ..job.clone()
-        },
+        job.clone()
+            .with(|settings| settings.accel = job.settings.accel.scalar()),
         Isa::Portable,
         false,
     );

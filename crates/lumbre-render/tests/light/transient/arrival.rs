@@ -219,10 +219,9 @@ fn time_axes_and_delays_do_not_change_the_picture() {
             );
             let timed = render_waves(
                 &scene,
-                Job {
-                    timing: Some(timing(0.0, 0.5, 20)),
-                    ..plain.clone()
-                },
+                plain
+                    .clone()
+                    .with(|settings| settings.timing = Some(timing(0.0, 0.5, 20))),
                 &[6],
             );
             for (a, b) in timed
@@ -302,9 +301,9 @@ fn a_pulse_between_two_plates_arrives_after_the_length_of_its_path() {
         .point(lamp, Vec3::ONE)
         .build();
     for name in ["nee", "bdpt"] {
-        let job = |depth| Job {
-            filter: PIN,
-            ..timed_job(name, timing(2.0, 0.05, 600), [9, 9], depth, 5)
+        let job = |depth| {
+            timed_job(name, timing(2.0, 0.05, 600), [9, 9], depth, 5)
+                .with(|settings| settings.filter = PIN)
         };
         let direct = cube(&scene, job(2), 4);
         let twice = cube(&scene, job(3), 256);
@@ -362,10 +361,8 @@ fn paths_between_mirrors_have_the_length_of_the_unfolded_path() {
     for name in ["bpt", "nee"] {
         let cube = cube(
             &scene,
-            Job {
-                filter: PIN,
-                ..timed_job(name, timing(9.0, 0.01, 400), [15, 15], 12, 6)
-            },
+            timed_job(name, timing(9.0, 0.01, 400), [15, 15], 12, 6)
+                .with(|settings| settings.filter = PIN),
             1,
         );
         for (at, dir) in directions(15, 60.0) {
@@ -406,10 +403,7 @@ fn the_optical_length_in_glass_is_the_length_times_the_index() {
         };
         let cube = cube(
             &scene,
-            Job {
-                filter: PIN,
-                ..timed_job(name, timing, [9, 9], 3, 7)
-            },
+            timed_job(name, timing, [9, 9], 3, 7).with(|settings| settings.filter = PIN),
             16,
         );
         for (at, dir) in directions(9, 60.0) {
@@ -484,10 +478,8 @@ fn the_histogram_of_paths_of_equal_length_is_the_delay_profile() {
     let samples = 1u64 << 14;
     let alpha = sidak(1e-3, 4);
     for (i, desc) in every_profile().into_iter().enumerate().skip(1) {
-        let job = Job {
-            filter: PIN,
-            ..timed_job("nee", timing(7.0, 0.1, 200), [1, 1], 2, 9 + i as u64)
-        };
+        let job = timed_job("nee", timing(7.0, 0.1, 200), [1, 1], 2, 9 + i as u64)
+            .with(|settings| settings.filter = PIN);
         let cube = cube(&delayed(floor(), &[0, 1], &desc).build(), job, samples);
         let slots = cube.slots(0, 0);
         let one = slots.iter().map(|s| s[0]).sum::<f64>() / samples as f64;
@@ -562,10 +554,8 @@ fn integrators_agree_on_the_histogram_of_arrival_times() {
     // environment, a delayed wall.
     let scene = delayed(varied_room(), &[2, 3], &every_profile()[2]).build();
     let histogram = |name: &str, samples: u64| {
-        let job = Job {
-            rr_start: Some(4),
-            ..timed_job(name, timing(1.0, 0.4, 24), [12, 12], 6, 31)
-        };
+        let job = timed_job(name, timing(1.0, 0.4, 24), [12, 12], 6, 31)
+            .with(|settings| settings.rr_start = Some(4));
         histogram(&cube(&scene, job, samples))
     };
     let (nee, bdpt) = (histogram("nee", 3000), histogram("bdpt", 900));

@@ -205,7 +205,7 @@ impl Trace for Brute {
 fn weights_and_densities_equal_their_definition_with_components_and_delays() {
     for ball in ["leaf", "nested", "pane"] {
         let scene = compiled(ball);
-        let camera = Camera::new(&scene.camera, [12, 12], job([1, 1], 1, 0).filter);
+        let camera = Camera::new(&scene.camera, [12, 12], job([1, 1], 1, 0).settings.filter);
         let (lights, settings) = (Lights::new(&scene), Settings::new(&Default::default()));
         let trace = Brute(Arc::clone(&scene));
         let timing = timing(0.0, 0.1, 100);

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::paths::folder_of;
 use lumbre_light::scene::load::FORMATS;
 use lumbre_light::value::schema::SchemaError;
 use lumbre_light::value::suggest;
@@ -124,6 +123,12 @@ fn help_for_missing(places: &[PathBuf]) -> String {
         [_] => "give its path from the current folder".to_owned(),
         _ => format!("tried {}", tried.join(" and ")),
     }
+}
+
+/// Returns the folder of a file: `.` for a file name alone.
+fn folder_of(file: &Path) -> &Path {
+    let parent = file.parent().filter(|p| !p.as_os_str().is_empty());
+    parent.unwrap_or(Path::new("."))
 }
 
 /// Returns the sorted names of the files in a folder that are valid Unicode.

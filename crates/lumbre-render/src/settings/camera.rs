@@ -1,0 +1,231 @@
+//! Changes to the scene that settings make: the keys `set`, `view` and `camera` of scripts.
+
+use std::collections::BTreeMap;
+
+use super::find::find_file;
+use super::keys::Given;
+use lumbre_light::scene::desc::{CAMERA_KIND_NAMES, TextureSlot, VIEW_HEIGHT_RANGE};
+use lumbre_light::scene::edit::WINDOW;
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
+
+/// Largest coordinate and length, in scene units.
+const MAX_COORDINATE: f64 = 1e9;
+
+/// Option `camera` of the render table.
+pub(super) const CAMERA: Table = Table {
+    name: "CameraChanges",
+    doc: "Changes to the scene's camera. Omitted keys keep the value of the scene.",
+    fields: &[
+        Field::optional(
+            "aperture",
+            Ty::Num {
+                min: 0.0,
+                max: MAX_COORDINATE,
+            },
+            "",
+            "diameter of the lens in scene units; 0 is a pinhole camera",
+        ),
+        Field::optional(
+            "f_number",
+            Ty::Num {
+                min: 1e-3,
+                max: 1e6,
+            },
+            "",
+            "f-number: focal length over diameter of the lens; an alternative to `aperture` \
+                  that needs `focal_length` or `sensor_height`",
+        ),
+        Field::optional(
+            "focal_length",
+            Ty::Num {
+                min: 1e-9,
+                max: 1e6,
+            },
+            "",
+            "focal length in scene units; together with `sensor_height` it determines `fov`",
+        ),
+        Field::optional(
+            "sensor_height",
+            Ty::Num {
+                min: 1e-9,
+                max: 1e6,
+            },
+            "",
+            "height of the sensor in scene units; together with `fov` it determines \
+                  `focal_length`",
+        ),
+        Field::optional(
+            "focus_distance",
+            Ty::Num {
+                min: 1e-9,
+                max: MAX_COORDINATE,
+            },
+            "",
+            "distance from the lens to the plane in focus, in scene units; by default the \
+                  scene's, or the distance of `target`",
+        ),
+        Field::optional(
+            "fov",
+            Ty::Num {
+                min: 0.01,
+                max: 179.0,
+            },
+            "",
+            "vertical field of view of a perspective camera in degrees",
+        ),
+        Field::optional(
+            "kind",
+            Ty::Word(&CAMERA_KIND_NAMES),
+            "",
+            "how the camera maps the scene to its picture; `orthographic` and `spherical` \
+                  cameras have no lens",
+        ),
+        Field::optional(
+            "position",
+            Ty::Nums {
+                len: 3,
+                min: -MAX_COORDINATE,
+                max: MAX_COORDINATE,
+            },
+            "",
+            "centre of the lens in scene coordinates",
+        ),
+        Field::optional(
+            "target",
+            Ty::Nums {
+                len: 3,
+                min: -MAX_COORDINATE,
+                max: MAX_COORDINATE,
+            },
+            "",
+            "point on the optical axis in scene coordinates",
+        ),
+        Field::optional(
+            "up",
+            Ty::Nums {
+                len: 3,
+                min: -MAX_COORDINATE,
+                max: MAX_COORDINATE,
+            },
+            "",
+            "direction that is up in the picture",
+        ),
+        Field::optional(
+            "view_height",
+            Ty::Num {
+                min: VIEW_HEIGHT_RANGE[0],
+                max: VIEW_HEIGHT_RANGE[1],
+            },
+            "",
+            "height of the picture of an orthographic camera in scene units",
+        ),
+        Field::optional(
+            "window",
+            WINDOW,
+            "",
+            "part of the view that the picture shows: left, right, upper and lower edge, in \
+                  fractions of the whole from its upper left corner",
+        ),
+    ],
+};
+
+/// Returns the changes to the scene from `set`, `view` and `camera`, by path.
+pub(super) fn read_changes(given: &Given<'_>) -> Result<BTreeMap<String, Value>, SchemaError> {
+    let Given { map, folder, path } = *given;
+    let mut changes = BTreeMap::new();
+    match map.get("set") {
+        None => {}
+        Some(Value::List(items)) if items.is_empty() => {}
+        Some(Value::Map(set)) => {
+            for (key, value) in set {
+                check_change(key, value, path)?;
+                let value = match value {
+                    Value::Str(file) if names_texture(key) && !file.is_empty() => {
+                        let found = find_file(file, folder, &format!("{path}.set.{key}"), key)?;
+                        Value::Str(found.to_string_lossy().into_owned())
+                    }
+                    other => other.clone(),
+                };
+                changes.insert(key.clone(), value);
+            }
+        }
+        Some(other) => {
+            return Err(SchemaError {
+                path: format!("{path}.set"),
+                problem: format!(
+                    "expected a table of changes by path, found {}",
+                    other.kind()
+                ),
+                help: Some("set = { [\"materials.egg.ior\"] = 1.5 }".to_owned()),
+                key: "set".to_owned(),
+            });
+        }
+    }
+    if let Some(view) = map.get("view")
+        && changes.insert("camera".to_owned(), view.clone()).is_some()
+    {
+        return Err(SchemaError {
+            path: format!("{path}.view"),
+            problem: "given twice: `set` also has `camera`".to_owned(),
+            help: None,
+            key: "view".to_owned(),
+        });
+    }
+    for (key, value) in given.table("camera").into_iter().flatten() {
+        let change = format!("camera.{key}");
+        if changes.insert(change.clone(), value.clone()).is_some() {
+            return Err(SchemaError {
+                path: format!("{path}.camera.{key}"),
+                problem: format!("given twice: `set` also has `{change}`"),
+                help: None,
+                key: key.clone(),
+            });
+        }
+    }
+    Ok(changes)
+}
+
+/// Returns whether a path of `set` is a texture slot of a material.
+fn names_texture(change: &str) -> bool {
+    change.starts_with("materials.")
+        && change
+            .rsplit('.')
+            .next()
+            .is_some_and(|param| TextureSlot::from_name(param).is_some())
+}
+
+/// Checks the type of a value of `set`.
+fn check_change(key: &str, value: &Value, path: &str) -> Result<(), SchemaError> {
+    let number = |v: &Value| v.as_f64().is_some_and(f64::is_finite);
+    let fits = match value {
+        Value::Bool(_) | Value::Str(_) => true,
+        Value::List(items) => !items.is_empty() && items.iter().all(number),
+        other => number(other),
+    };
+    if fits {
+        return Ok(());
+    }
+    let (problem, help) = match value {
+        Value::Map(_) => (
+            "expected a value, found a table".to_owned(),
+            Some(format!(
+                "write the whole path as the key: [\"{key}.FIELD\"] = value"
+            )),
+        ),
+        other => (
+            format!(
+                "expected a finite number, a string, a boolean or a list of numbers, found {} \
+                 `{other}`",
+                other.kind()
+            ),
+            None,
+        ),
+    };
+    Err(SchemaError {
+        path: format!("{path}.set.{key}"),
+        problem,
+        help,
+        key: key.to_owned(),
+    })
+}
