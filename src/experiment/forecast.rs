@@ -285,31 +285,15 @@ fn limit_s(rule: &StopRule, samples_per_s: Option<f64>) -> Option<(Option<f64>, 
 mod tests {
     use super::*;
     use crate::experiment::stop::Comparison;
-    use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 
     fn config(integrator: &str, scene: &str, max_depth: u32) -> Settings {
         Settings {
             scene: scene.to_owned(),
             scene_file: scene.into(),
-            scene_options: BTreeMap::new(),
-            integrator: integrator.to_owned(),
-            params: BTreeMap::new(),
             max_depth: Some(max_depth),
             resolution: Some([100, 10]),
-            rr_start: None,
-            filter: FilterSpec {
-                kind: FilterKind::Box,
-                radius: 0.5,
-            },
-            films: Vec::new(),
-            timing: None,
-            denoise: None,
-            accel: Default::default(),
-            shaders: Default::default(),
-            sampler: "independent".to_owned(),
-            set: BTreeMap::new(),
             backend: "cpu".to_owned(),
-            fallback: None,
+            ..Settings::new(integrator)
         }
     }
 

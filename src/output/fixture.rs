@@ -11,7 +11,6 @@ use crate::experiment::spec::{MeasureSpec, Snapshots};
 use crate::experiment::{CellRef, CellResult, EndCause, Outcome, StopRule, WaveRow};
 use lumbre_light::scene::SceneDesc;
 use lumbre_light::scene::desc::{CameraDesc, Optics};
-use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
@@ -97,27 +96,12 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
         double_of: None,
         seed: 100 + index as u64,
         config: Arc::new(Settings {
-            scene_options: BTreeMap::new(),
             scene: "box".to_owned(),
             scene_file: PathBuf::from("scenes/box.scn"),
-            integrator,
-            params: BTreeMap::new(),
             max_depth: Some(5),
             resolution: Some([64, 36]),
-            rr_start: None,
-            filter: FilterSpec {
-                kind: FilterKind::Box,
-                radius: 0.5,
-            },
-            films: Vec::new(),
-            accel: Default::default(),
-            shaders: Default::default(),
-            timing: None,
-            denoise: None,
-            sampler: "independent".to_owned(),
-            set: BTreeMap::new(),
             backend: "mock".to_owned(),
-            fallback: None,
+            ..Settings::new(&integrator)
         }),
         scene: Arc::new(SceneDesc {
             views: Vec::new(),

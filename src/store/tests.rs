@@ -18,7 +18,6 @@ use crate::experiment::{CellRef, Plan, RunId, StopRule, WaveRow};
 use lumbre_light::film::Image;
 use lumbre_light::scene::SceneDesc;
 use lumbre_light::scene::desc::{CameraDesc, Optics};
-use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::value::Value;
 use lumbre_metrics::tonemap::Tonemap;
 use lumbre_render::Settings;
@@ -32,27 +31,12 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Image, String> {
 
 fn config() -> Arc<Settings> {
     Arc::new(Settings {
-        scene_options: Default::default(),
         scene: "scenes/box.scn".into(),
         scene_file: "scenes/box.scn".into(),
-        integrator: "bpt".into(),
-        params: Default::default(),
         max_depth: Some(5),
         resolution: Some([8, 8]),
-        rr_start: None,
-        filter: FilterSpec {
-            kind: FilterKind::Box,
-            radius: 0.5,
-        },
-        films: Vec::new(),
-        accel: Default::default(),
-        shaders: Default::default(),
-        timing: None,
-        denoise: None,
-        sampler: "independent".to_owned(),
-        set: Default::default(),
         backend: "mock".into(),
-        fallback: None,
+        ..Settings::new("bpt")
     })
 }
 

@@ -42,11 +42,8 @@ fn scene() -> SceneDesc {
 
 fn config(depth: u32, radius: f32) -> Settings {
     Settings {
-        scene_options: BTreeMap::new(),
         scene: "scenes/cornell.scn".to_owned(),
         scene_file: PathBuf::from("scenes/cornell.scn"),
-        integrator: "bpt".to_owned(),
-        params: BTreeMap::new(),
         max_depth: Some(depth),
         resolution: Some([512, 512]),
         rr_start: Some(3),
@@ -54,15 +51,9 @@ fn config(depth: u32, radius: f32) -> Settings {
             kind: FilterKind::Gauss,
             radius,
         },
-        films: Vec::new(),
-        accel: Default::default(),
-        shaders: Default::default(),
-        timing: None,
-        denoise: None,
-        sampler: "independent".to_owned(),
         set: BTreeMap::from([("materials.egg.ior".to_owned(), Value::Num(1.5))]),
         backend: "cpu".to_owned(),
-        fallback: None,
+        ..Settings::new("bpt")
     }
 }
 

@@ -21,7 +21,6 @@ use lumbre_light::scene::desc::{
     CameraDesc, EntityDesc, MaterialDesc, Optics, ShapeDesc, Transform,
 };
 use lumbre_light::scene::{Note, SceneDesc, SceneError};
-use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
@@ -171,27 +170,12 @@ fn spec() -> ExperimentSpec {
 /// Returns the configuration of a cell unless a test changes it.
 pub fn config() -> Settings {
     Settings {
-        scene_options: Default::default(),
         scene: "box".into(),
         scene_file: "scenes/box.scn".into(),
-        integrator: "bpt".into(),
-        params: BTreeMap::new(),
         max_depth: Some(5),
         resolution: Some([8, 4]),
-        rr_start: None,
-        filter: FilterSpec {
-            kind: FilterKind::Box,
-            radius: 0.5,
-        },
-        films: Vec::new(),
-        accel: Default::default(),
-        shaders: Default::default(),
-        timing: None,
-        denoise: None,
-        sampler: "independent".to_owned(),
-        set: BTreeMap::new(),
         backend: "mock".into(),
-        fallback: None,
+        ..Settings::new("bpt")
     }
 }
 

@@ -257,8 +257,7 @@ pub static SETTINGS: [Setting; 18] = [
         },
         identity: |settings| {
             let row = sampler(&settings.sampler)?;
-            let fields = [("name", row.name.into()), ("revision", row.revision.into())];
-            Some(("sampler", map(fields)))
+            Some(("sampler", map(named(row.name, row.revision))))
         },
     },
     Setting {
@@ -442,12 +441,14 @@ fn integrator_identity(settings: &Settings) -> Option<Value> {
         params
     };
     let library = own::library(row).map(|hash| (LIBRARY, hash.into()));
-    let fields = [
-        ("name", settings.integrator.as_str().into()),
-        ("revision", row.revision.into()),
-        ("params", Value::Map(params)),
-    ];
-    Some(map(fields.into_iter().chain(library)))
+    let row = named(&settings.integrator, row.revision);
+    let params = [("params", Value::Map(params))];
+    Some(map(row.into_iter().chain(params).chain(library)))
+}
+
+/// Returns what identifies a row of a table.
+fn named(name: &str, revision: u32) -> [(&'static str, Value); 2] {
+    [("name", name.into()), ("revision", revision.into())]
 }
 
 /// Key of the hash of a technique's library among the fields of the integrator in an identity.
