@@ -10,7 +10,7 @@ use std::process::Command;
 use lumbre::output::exr;
 use serde_json::Value as Json;
 
-use crate::cli::workplace::Workplace;
+use crate::cli::workplace::{Workplace, copy_folder};
 
 /// Scripts with axes, references, films, stages, materials, time axes and options of many kinds, and
 /// the arguments with which they are planned.
@@ -184,4 +184,41 @@ fn pictures_of_every_technique_keep_their_bits() {
     ];
     let lines = names.map(|name| format!("{name}: {}\n", picture(name, &place)));
     assert_frozen("pictures.txt", &lines.concat());
+}
+
+#[test]
+fn a_night_of_an_earlier_version_is_opened_reported_and_resumed() {
+    // Commit bbf0032f rendered it, and was interrupted in the second of four cells.
+    let old = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/program/frozen/old");
+    let place = Workplace::new();
+    copy_folder(&old.join("results"), &place.path("out"));
+    std::fs::copy(old.join("night.lua"), place.path("night.lua")).unwrap();
+    let counts = |name: &str| {
+        let status = place.succeed(&["status", name, "--json"]).stdout;
+        let status: Json = serde_json::from_str(&status).unwrap();
+        let cells = status["cells"].clone();
+        let count = |key: &str| cells[key].as_u64().unwrap_or_else(|| panic!("{cells}"));
+        [count("total"), count("done"), count("interrupted")]
+    };
+    assert_eq!(counts("old-e6ad"), [4, 1, 1]);
+    place.succeed(&["report", "out/old-e6ad", "-q"]);
+    let page = place.read("out/old-e6ad/report.html");
+    assert!(page.contains("relMSE") && page.contains("path tracing"));
+    let finished = place.finished();
+    assert_eq!(finished.len(), 1);
+    place.succeed(&["run", "night.lua", "--no-tui", "--threads", "1"]);
+    assert_eq!(counts("latest"), [4, 4, 0]);
+    let now = place.finished();
+    assert_eq!(now.len(), 4, "in the same folder");
+    assert!(
+        now.contains(&finished[0]),
+        "what was done is not rendered again"
+    );
+    let resumed = now
+        .iter()
+        .find(|(file, _)| file.contains("technique=bpt/depth=4"));
+    let log = resumed.unwrap().0.replace("done.json", "log.txt");
+    let log = place.read(&log);
+    assert!(log.contains("checkpoint"), "{log}");
+    place.succeed(&["reproduce", &now[0].0.replace("/done.json", "/final.exr")]);
 }

@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use super::workplace::Workplace;
+use super::workplace::{Workplace, copy_folder};
 use lumbre::store::StoredFile;
 use lumbre::store::schema::run::DoneFile;
 use lumbre_render::Device;
@@ -185,7 +185,7 @@ fn nights_of_two_machines_are_compared_only_if_both_devices_are_named() {
         .find(|f| f.ends_with("/plan.json"))
         .unwrap();
     let night = night.trim_end_matches("/plan.json").to_owned();
-    copy(&place.path(&night), &place.path("other/night"));
+    copy_folder(&place.path(&night), &place.path("other/night"));
     // Simulates another machine: its device has another name, and its references are absent.
     for done in place
         .files("other")
@@ -238,18 +238,6 @@ fn a_damaged_run_does_not_count_as_finished() {
     let error = place.fail(3, &["report", "out/latest", "--to", "r"]);
     assert!(error.contains("left out: "), "{error}");
     assert!(place.read("r/index.html").contains("3 of 4 runs finished"));
-}
-
-fn copy(from: &std::path::Path, to: &std::path::Path) {
-    std::fs::create_dir_all(to).unwrap();
-    for entry in std::fs::read_dir(from).unwrap().map(Result::unwrap) {
-        let target = to.join(entry.file_name());
-        if entry.file_type().unwrap().is_dir() {
-            copy(&entry.path(), &target)
-        } else {
-            std::fs::copy(entry.path(), target).unwrap();
-        }
-    }
 }
 
 /// Script that presses keys and buttons of the page.

@@ -77,7 +77,7 @@ settings! {
     pub resolution: Option<[u32; 2]>,
     /// First path edge with Russian roulette; `null` for never.
     pub rr_start: Option<u32>,
-    /// Pixel reconstruction filter.
+    /// Pixel reconstruction filter: its name `filter` and its `radius` in pixels.
     pub filter as "aa": FilterSpec,
     /// Names of the layers that are stored beside the picture.
     pub films: Vec<Layer>,
@@ -94,7 +94,7 @@ settings! {
     pub accel: AccelSpec,
     /// Changes to the scene by path.
     pub set: BTreeMap<String, Value>,
-    /// Folder of shaders. Only of runs that have one.
+    /// Folder of shaders that replaced those of the program: its path `folder`, and the `hash` of the files that differed. Only of runs that have one.
     #[serde(
         default = "stored::built_in_shaders",
         skip_serializing_if = "stored::has_no_folder",

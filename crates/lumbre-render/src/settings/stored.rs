@@ -109,7 +109,7 @@ form! {
 }
 
 form! {
-    /// What of a hierarchy's settings differs from the default.
+    /// Those settings of a hierarchy that differ from the default.
     accel: AccelSpec = Map, AccelSpec::identity, |map| Some(AccelSpec::from_identity(&map))
 }
 
