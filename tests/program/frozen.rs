@@ -200,9 +200,9 @@ fn a_night_of_an_earlier_version_is_opened_reported_and_resumed() {
         let count = |key: &str| cells[key].as_u64().unwrap_or_else(|| panic!("{cells}"));
         [count("total"), count("done"), count("interrupted")]
     };
-    assert_eq!(counts("old-e6ad"), [4, 1, 1]);
-    place.succeed(&["report", "out/old-e6ad", "-q"]);
-    let page = place.read("out/old-e6ad/report.html");
+    assert_eq!(counts("old-9169"), [4, 1, 1]);
+    place.succeed(&["report", "out/old-9169", "--to", "page"]);
+    let page = place.read("page/index.html");
     assert!(page.contains("relMSE") && page.contains("path tracing"));
     let finished = place.finished();
     assert_eq!(finished.len(), 1);
@@ -219,6 +219,9 @@ fn a_night_of_an_earlier_version_is_opened_reported_and_resumed() {
         .find(|(file, _)| file.contains("technique=bpt/depth=4"));
     let log = resumed.unwrap().0.replace("done.json", "log.txt");
     let log = place.read(&log);
-    assert!(log.contains("checkpoint"), "{log}");
+    assert!(
+        log.contains("resumes from its checkpoint after 3840"),
+        "{log}"
+    );
     place.succeed(&["reproduce", &now[0].0.replace("/done.json", "/final.exr")]);
 }

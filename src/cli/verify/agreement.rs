@@ -97,10 +97,10 @@ pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
             Setting {
                 resolution,
                 max_depth: scene.max_depth,
-                rr_start: None,
                 samples,
                 seed: request.seed(SEED_FAMILY, seeds),
                 threads: request.threads,
+                ..Setting::PLAIN
             }
         });
         let settings = settings.collect();

@@ -65,10 +65,10 @@ pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
             let setting = Setting {
                 resolution: [side; 2],
                 max_depth: case.max_depth,
-                rr_start: None,
                 samples: case.samples,
                 seed: request.seed(SEED_FAMILY, seeds),
                 threads: request.threads,
+                ..Setting::PLAIN
             };
             let truth = Rc::clone(&truth);
             let scene = Arc::clone(&scene);

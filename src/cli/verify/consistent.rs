@@ -61,10 +61,10 @@ pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
             let setting = Setting {
                 resolution: [SIDE; 2],
                 max_depth: case.max_depth,
-                rr_start: None,
                 samples: if request.quick { SAMPLES / 4 } else { SAMPLES },
                 seed: request.seed(SEED_FAMILY, checks.len() * PARTS as usize),
                 threads: request.threads,
+                ..Setting::PLAIN
             };
             let compared = format!("{technique} with {}, within {BOUND}", case.formula);
             let (scene, truth) = (Arc::clone(&scene), Rc::clone(&truth));

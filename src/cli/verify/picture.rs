@@ -32,6 +32,18 @@ pub struct Setting {
     pub threads: usize,
 }
 
+impl Setting {
+    /// Settings to start from: one pixel of emission alone, without Russian roulette.
+    pub const PLAIN: Setting = Setting {
+        resolution: [1, 1],
+        max_depth: 1,
+        rr_start: None,
+        samples: 2,
+        seed: 0,
+        threads: 0,
+    };
+}
+
 /// A picture, the variance of its pixels, and the size of a typical contribution.
 #[derive(Clone, Debug)]
 pub struct NoisyPicture {

@@ -118,10 +118,10 @@ impl Workplace {
         let setting = Setting {
             resolution: scene.resolution,
             max_depth: scene.max_depth,
-            rr_start: None,
             samples: self.samples,
             seed,
             threads: self.threads,
+            ..Setting::PLAIN
         };
         let technique = integrator("nee").map(Technique::plain);
         let technique = technique.ok_or("there is no integrator `nee`")?;

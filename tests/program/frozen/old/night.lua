@@ -14,7 +14,7 @@ x:render(function(p)
   }
 end)
 x:reference { from = function(p) return { integrator = "nee" } end, stop = stop.samples(2048) }
-x:measure { every = "0.2s", relmse = metric.relmse(), ssim = metric.ssim() }
+x:measure { every = "0.2s", relmse = metric.relmse(), rmse = metric.rmse() }
 x:stop(stop.samples(12000))
 x:figure("error", { x = "samples", y = { "relmse" }, by = "technique", facet = { "depth" } })
 x:table("errors", { value = "relmse", rows = "technique", cols = "depth", format = { "md", "csv" } })
