@@ -6,9 +6,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::experiment::plan::Plan;
 use crate::experiment::{CellRef, CellResult};
 
-/// Name of the additional facet of figures and tables of several devices.
-pub const DEVICE: &str = "device";
-
 /// Device model of every cell, as far as it is known. Empty if the devices need not be told apart.
 #[derive(Clone, Debug, Default)]
 pub struct Devices(BTreeMap<usize, String>);
@@ -44,18 +41,8 @@ impl Devices {
         }
     }
 
-    /// Returns the device of a cell, or `unknown`.
-    pub fn device_of(&self, cell: usize) -> &str {
-        self.0.get(&cell).map_or("unknown", String::as_str)
-    }
-
-    /// Returns the distinct device names in alphabetical order.
-    pub fn names(&self) -> BTreeSet<&str> {
-        self.0.values().map(String::as_str).collect()
-    }
-
-    /// Returns whether there is more than one device.
-    pub fn is_mixed(&self) -> bool {
-        self.names().len() > 1
+    /// Returns the device of a cell, if it is known and has to be told apart from others.
+    pub fn device_of(&self, cell: usize) -> Option<&str> {
+        self.0.get(&cell).map(String::as_str)
     }
 }

@@ -9,7 +9,7 @@ use crate::experiment::plan::ReferenceSource;
 use crate::experiment::spec::{FigureSpec, TableFormat};
 use crate::experiment::{CellRef, NightSummary, Outcome, Plan, PlanOutline};
 use crate::output::devices::Devices;
-use crate::output::table::by_axes;
+use crate::output::report::requested;
 use crate::output::{plot, summary};
 use crate::store::Store;
 
@@ -51,8 +51,9 @@ pub(in crate::cli) fn write_results(
 ) -> Result<(), Failure> {
     let write = |name: &str, bytes: &[u8]| store.write(name, bytes).map_err(Failure::internal);
     write("summary.csv", summary::csv(plan, &night.results).as_bytes())?;
+    let results = requested::night(plan, &night.results, devices);
     for spec in &plan.tables {
-        for table in by_axes::tables(plan, spec, &night.results, devices) {
+        for table in requested::tables(plan, &results, spec) {
             for format in &spec.formats {
                 let (extension, text) = match format {
                     TableFormat::Md => ("md", table.to_text()),
@@ -66,7 +67,7 @@ pub(in crate::cli) fn write_results(
         }
     }
     for spec in &plan.figures {
-        for figure in plot::figures(plan, spec, &night.results, devices) {
+        for figure in requested::figures(plan, &results, spec) {
             let stem = &figure.stem;
             write(&format!("figures/{stem}.svg"), figure.svg.as_bytes())?;
             write(&format!("figures/{stem}.csv"), figure.csv.as_bytes())?;
@@ -102,10 +103,11 @@ pub(in crate::cli) fn print_tables(
     night: &NightSummary,
     devices: &Devices,
 ) -> Result<(), Failure> {
+    let results = requested::night(plan, &night.results, devices);
     let tables = plan
         .tables
         .iter()
-        .flat_map(|spec| by_axes::tables(plan, spec, &night.results, devices));
+        .flat_map(|spec| requested::tables(plan, &results, spec));
     print_result(
         &tables
             .map(|table| table.to_text())

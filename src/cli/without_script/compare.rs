@@ -200,6 +200,7 @@ fn as_json(
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
+    use std::sync::Arc;
 
     use super::*;
     use crate::experiment::night_results::RunState;
@@ -230,12 +231,11 @@ mod tests {
             peer: None,
             lost_share: None,
             state: RunState::Done("1 s".to_owned()),
-            rows: waves.iter().map(row).collect(),
+            rows: Arc::new(waves.iter().map(row).collect()),
             reference: None,
             pictures: Vec::new(),
             films: Vec::new(),
-            accel: None,
-            accel_size: None,
+            open: None,
             floors: floor
                 .map(|floor| (METRIC.to_owned(), floor))
                 .into_iter()

@@ -16,6 +16,7 @@ mod methods;
 mod page;
 mod pgfplots;
 mod presentation;
+pub mod requested;
 pub(super) mod series;
 mod snapshots;
 pub(super) mod study;

@@ -121,15 +121,15 @@ fn runs(study: &Study, axes: &[String]) -> String {
             ),
         }
         fields.push(m.run.lanes.map(|n| n.to_string()).unwrap_or_default());
-        fields.push(m.run.accel.map(|a| exact(a.0)).unwrap_or_default());
-        fields.push(m.run.accel.map(|a| a.1.to_string()).unwrap_or_default());
-        fields.push(
-            m.run
-                .accel_size
-                .map(|a| a.0.to_string())
-                .unwrap_or_default(),
-        );
-        fields.push(m.run.accel_size.map(|a| exact(a.1)).unwrap_or_default());
+        let accel = m.run.open.as_ref().map(|open| {
+            [
+                exact(open.accel_build_s),
+                open.accel_nodes.to_string(),
+                open.accel_bytes.to_string(),
+                exact(open.accel_cost),
+            ]
+        });
+        fields.extend(accel.unwrap_or_default());
         text += &csv_line(&fields);
     }
     text
@@ -142,7 +142,7 @@ fn waves(study: &Study, axes: &[String]) -> String {
     let mut text = header(axes, &rest);
     for m in study.all() {
         let own = keys(&m, axes);
-        for row in &m.run.rows {
+        for row in m.run.rows.iter() {
             let mut fields = own.clone();
             fields.push(row.wave.to_string());
             fields.extend(values(&m, row, study.metrics.len()));

@@ -12,7 +12,7 @@ use crate::output::plot::axis::Scale;
 use crate::output::provenance::Provenance;
 use crate::output::quantity::Bound;
 use crate::output::table::markdown::markdown_table;
-use crate::output::table::{Table, TableCell};
+use crate::output::table::{Table, TableCell, TableKind};
 use crate::text::visible;
 
 /// Number of repeats below which a test over repeats rarely finds a difference.
@@ -68,8 +68,8 @@ impl Verdict {
         let tables: Vec<&Table> = items.iter().filter_map(|i| i.table.as_deref()).collect();
         let mut verdict = Verdict::default();
         for metric in 0..study.metrics.len() {
-            let name = format!("equal-time-{}", study.metrics[metric].column);
-            let Some(table) = tables.iter().find(|table| table.name == name) else {
+            let kind = TableKind::EqualTime(metric);
+            let Some(table) = tables.iter().find(|table| table.kind == kind) else {
                 continue;
             };
             let columns = columns(study, metric, table);
@@ -303,7 +303,7 @@ fn disagreements(study: &Study) -> Vec<String> {
 /// without vectors, and references that are biased or that other techniques contradict.
 fn caveats(study: &Study, tables: &[&Table]) -> Vec<String> {
     let mut caveats = Vec::new();
-    let finals = |table: &&&Table| table.name.starts_with("final-");
+    let finals = |table: &&&Table| matches!(table.kind, TableKind::Final(_));
     let runs = tables
         .iter()
         .filter(finals)
@@ -318,13 +318,12 @@ fn caveats(study: &Study, tables: &[&Table]) -> Vec<String> {
             if least == 1 { "" } else { "s" }
         ));
     }
-    let repeats_another = |table: &Table| {
-        let column = table.name.trim_start_matches("final-");
-        let metric = study.metrics.iter().position(|m| m.column == column);
-        metric.is_some_and(|metric| is_root_of_shown(study, metric))
-    };
-    for table in tables.iter().filter(finals) {
-        if repeats_another(table) {
+    for table in tables {
+        // The noise of a metric that is shown as its root too is stated once.
+        let TableKind::Final(metric) = table.kind else {
+            continue;
+        };
+        if is_root_of_shown(study, metric) {
             continue;
         }
         let (at_floor, all) = count(table, |cell| cell.at_floor);
@@ -338,7 +337,7 @@ fn caveats(study: &Study, tables: &[&Table]) -> Vec<String> {
     }
     for table in tables
         .iter()
-        .filter(|table| table.name.starts_with("time-to-"))
+        .filter(|table| matches!(table.kind, TableKind::TimeTo(_)))
     {
         let (passed, all) = count(table, |cell| cell.bound == Bound::Upper);
         if passed > 0 {

@@ -68,13 +68,14 @@ mod tests {
     use std::collections::BTreeMap;
 
     use crate::output::provenance::Provenance;
-    use crate::output::table::{Digits, Table, TableCell};
+    use crate::output::table::{Digits, Table, TableCell, TableKind};
 
     #[test]
     fn names_are_escaped_wherever_a_table_has_them() {
         let name = |place: &str| format!("<{place}> & co");
         let table = Table {
             name: String::new(),
+            kind: TableKind::Other,
             section: String::new(),
             title: String::new(),
             caption: String::new(),

@@ -3,7 +3,7 @@
 //!
 //! The module `panel` collects the data.
 
-mod panel;
+pub(super) mod panel;
 
 use super::item::{ItemKind, ReportItem};
 use super::pgfplots::PgfFigure;

@@ -13,7 +13,7 @@ use super::study::{Member, ReportOptions, Study};
 use crate::output::provenance::Provenance;
 use crate::output::quantity::{Bound, RunValue};
 use crate::output::table::ranking::{Ranking, significant_best};
-use crate::output::table::{Digits, Table, TableCell};
+use crate::output::table::{Digits, Table, TableCell, TableKind};
 pub(super) use errors::{common_error, common_time};
 
 /// Explanation of bold and ± at the end of captions. The HTML page shows it once.
@@ -89,7 +89,7 @@ pub fn all(
 fn repeats_one_of(tables: &[Table], table: &Table) -> bool {
     let mut times = tables
         .iter()
-        .filter(|other| other.name.starts_with("equal-error-"));
+        .filter(|other| matches!(other.kind, TableKind::EqualError(_)));
     times.any(|other| {
         let (own, theirs) = (table.cells(), other.cells());
         own.len() == theirs.len() && own.iter().zip(theirs).all(|(a, b)| is_same_number(a, b))
@@ -141,6 +141,7 @@ fn empty_table(
     let span = |group: &String| study.series.iter().filter(|s| s.group == *group).count();
     Table {
         name: name.to_owned(),
+        kind: TableKind::Other,
         section: section.to_owned(),
         title: title.to_owned(),
         caption,

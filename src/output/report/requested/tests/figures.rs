@@ -2,10 +2,26 @@
 
 mod sweep;
 
-use super::*;
-use crate::experiment::Outcome;
-use crate::experiment::spec::FigureX;
+use std::collections::BTreeSet;
+
+use crate::experiment::plan::Plan;
+use crate::experiment::spec::{FigureKind, FigureSpec, FigureX};
+use crate::experiment::{CellRef, CellResult, Outcome};
+use crate::output::devices::Devices;
 use crate::output::fixture::{done, ended, numbers, plan, texts};
+use crate::output::plot::{rasterize, style};
+use crate::output::report::requested;
+use crate::output::report::requested::FigureFiles;
+use crate::output::report::requested::figures::{LONGEST_STEM, unique_stem};
+
+fn figures(
+    plan: &Plan,
+    spec: &FigureSpec,
+    results: &[CellResult],
+    devices: &Devices,
+) -> Vec<FigureFiles> {
+    requested::figures(plan, &requested::night(plan, results, devices), spec)
+}
 
 fn spec(y: &[&str], by: Option<&str>, facet: &[&str]) -> FigureSpec {
     let owned = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect();

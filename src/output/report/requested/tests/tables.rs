@@ -1,10 +1,21 @@
 //! Tables of hand-made nights.
 
-use super::*;
-use crate::experiment::Outcome;
-use crate::experiment::spec::{RunColumn, TableValue};
+use crate::experiment::plan::Plan;
+use crate::experiment::spec::{RunColumn, TableSpec, TableValue};
+use crate::experiment::{CellRef, CellResult, Outcome};
+use crate::output::devices::Devices;
 use crate::output::fixture::{done, ended, numbers, plan, texts};
-use crate::output::table::Interval;
+use crate::output::quantity::Bound;
+use crate::output::report::requested;
+use crate::output::table::{Interval, Table, TableCell};
+
+fn tables(plan: &Plan, spec: &TableSpec, results: &[CellResult], devices: &Devices) -> Vec<Table> {
+    requested::tables(plan, &requested::night(plan, results, devices), spec)
+}
+
+fn build(plan: &Plan, spec: &TableSpec, results: &[CellResult]) -> Table {
+    tables(plan, spec, results, &Devices::default()).remove(0)
+}
 
 fn spec(value: TableValue, rows: &[&str], cols: &[&str]) -> TableSpec {
     let owned = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect();
