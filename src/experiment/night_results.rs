@@ -23,7 +23,7 @@ pub fn biased_reference((technique, bias): (&str, &str)) -> String {
 }
 
 /// Contents of one night's folder.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct NightResults {
     /// Path of the folder.
     pub folder: PathBuf,
@@ -71,20 +71,21 @@ pub struct Machine {
 }
 
 /// State of a run.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum RunState {
     /// Finished by its stop rule; the text names the clause that held.
     Done(String),
     /// Has measurements but is not finished.
     Unfinished,
     /// Has no measurements.
+    #[default]
     Pending,
     /// Left out, since a file does not match its checksum.
     Damaged,
 }
 
 /// Result of one run of a cell.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct RunResult {
     /// Id of the run.
     pub id: String,

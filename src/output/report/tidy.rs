@@ -1,7 +1,7 @@
 //! Exports all measurements as tidy CSV: one observation per line, one variable per column, units
 //! in the column names.
 
-use super::item::{ItemKind, ReportItem};
+use super::item::ReportItem;
 use super::study::{Member, Study};
 use crate::columns::{
     Column, DATA_ACCEL, DATA_AFTER, DATA_BEFORE, DATA_COLUMNS, DATA_COUNTS, DATA_STATE, DATA_WAVE,
@@ -21,32 +21,25 @@ use crate::text::program;
 pub fn all(study: &Study) -> Vec<ReportItem> {
     let axes = study.axes();
     let provenance = Provenance::from_members(study.all());
-    let item = |name: &str, title: &str, caption: &str, csv: String| ReportItem {
-        kind: ItemKind::Data,
-        section: String::new(),
-        stem: format!("data/{name}"),
-        title: title.to_owned(),
-        caption: caption.to_owned(),
-        svg: None,
-        table: None,
-        extra: vec![("csv", csv.into_bytes())],
-        provenance: provenance.clone(),
+    let item = |stem: &str, title: &str, caption: &str, csv: String| {
+        let files = vec![("csv", csv.into_bytes())];
+        ReportItem::data(stem, title, caption.to_owned(), files, provenance.clone())
     };
     vec![
         item(
-            "runs",
+            "data/runs",
             "All runs",
             "One line for each run of every plan, finished or not.",
             runs(study, &axes),
         ),
         item(
-            "waves",
+            "data/waves",
             "All measurements",
             "One line for each measurement of each run.",
             waves(study, &axes),
         ),
         item(
-            "columns",
+            "data/columns",
             "Columns of the data",
             "Meaning and unit of every column.",
             columns(study, &axes),

@@ -1,7 +1,7 @@
 //! The answer of a study in short: which series is best at equal render time, for every facet and
 //! metric, and what weakens the answer. Everything is read from the report's tables.
 
-use super::item::{ItemKind, ReportItem};
+use super::item::ReportItem;
 use super::study::Study;
 use crate::experiment::spec::Order;
 use crate::output::clock;
@@ -116,17 +116,12 @@ impl Verdict {
         let caveats: String = self.caveats.iter().map(|c| format!("- {c}\n")).collect();
         let winners = markdown_table(&header, &rows, 1);
         let text = format!("{sentences}\n\n{winners}\n{EXPLANATION}\n\n{caveats}");
-        Some(ReportItem {
-            kind: ItemKind::Data,
-            section: String::new(),
-            stem: "verdict".to_owned(),
-            title: "Answer".to_owned(),
-            caption: self.sentences.join(" "),
-            svg: None,
-            table: None,
-            extra: vec![("md", text.into_bytes())],
-            provenance: Provenance::from_members(study.all().filter(|m| m.run.is_done())),
-        })
+        let files = vec![("md", text.into_bytes())];
+        let provenance = Provenance::from_members(study.all().filter(|m| m.run.is_done()));
+        let caption = self.sentences.join(" ");
+        Some(ReportItem::data(
+            "verdict", "Answer", caption, files, provenance,
+        ))
     }
 }
 

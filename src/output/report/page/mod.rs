@@ -11,7 +11,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde_json::{Value as Json, json};
 
 use super::ReportContext;
-use super::item::{ItemKind, ReportItem};
+use super::item::ReportItem;
 use super::study::{Member, Study};
 use super::verdict::Verdict;
 use crate::experiment::WaveRow;
@@ -82,17 +82,11 @@ pub fn item(
     };
     let html = document(study, items, verdict, &views, &text, context);
     let html = without_controls(&html.into_string());
-    Ok(ReportItem {
-        kind: ItemKind::Data,
-        section: String::new(),
-        stem: "index".to_owned(),
-        title,
-        caption: "Complete report on one page.".to_owned(),
-        svg: None,
-        table: None,
-        extra: vec![("html", html.into_bytes())],
-        provenance,
-    })
+    let caption = "Complete report on one page.".to_owned();
+    let files = vec![("html", html.into_bytes())];
+    Ok(ReportItem::data(
+        "index", &title, caption, files, provenance,
+    ))
 }
 
 /// Collects the data of the page's scripts.

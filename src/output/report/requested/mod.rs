@@ -11,17 +11,21 @@ mod tables;
 pub use figures::{FigureFiles, figures};
 pub use tables::tables;
 
-use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::experiment::night_results::{NightResults, RunResult, RunState};
 use crate::experiment::plan::Plan;
 use crate::experiment::{CellRef, CellResult, Outcome};
-use crate::output::devices::Devices;
 
 /// Collects the results of a plan, whose cells without a result are pending. Duplicate cells of the
-/// A/A check are left out, as are files, references and what only files state.
-pub fn night(plan: &Plan, results: &[CellResult], devices: &Devices) -> NightResults {
+/// A/A check are left out, as are files, references and what only files state. `device` returns the
+/// device of a result, by which times are told apart.
+pub fn night(
+    plan: &Plan,
+    results: &[CellResult],
+    device: impl Fn(&CellResult) -> Option<String>,
+) -> NightResults {
+    let mut devices = mixed_devices(plan, results, device);
     let by_cell: BTreeMap<CellRef, &CellResult> = results.iter().map(|r| (r.cell, r)).collect();
     let cells = plan.cells.iter().enumerate();
     let runs = cells.filter(|(_, cell)| cell.double_of.is_none());
@@ -36,42 +40,53 @@ pub fn night(plan: &Plan, results: &[CellResult], devices: &Devices) -> NightRes
         RunResult {
             id: cell.id.to_string(),
             path: cell.path.clone(),
-            folder: PathBuf::new(),
             point: cell.point.clone(),
             repeat: u64::from(cell.repeat),
             seed: cell.seed,
             integrator: cell.config.integrator.clone(),
             denoise: cell.config.denoise.as_ref().map(|d| d.name().to_owned()),
             scene: cell.config.scene.clone(),
-            max_depth: None,
-            resolution: None,
-            device: devices.device_of(index).map(str::to_owned),
-            lanes: None,
-            peer: None,
-            lost_share: None,
+            device: devices.remove(&index),
             state,
             rows: result.map(|result| result.rows.clone()).unwrap_or_default(),
-            reference: None,
-            pictures: Vec::new(),
-            films: Vec::new(),
             open: result.map(|result| result.open.clone()),
-            floors: Vec::new(),
+            ..RunResult::default()
         }
     };
     NightResults {
-        folder: PathBuf::new(),
         name: plan.name.clone(),
         plan: plan.hash.clone(),
         seed: plan.seed,
         axes: plan.axes.clone(),
         metrics: plan.measure.metrics.clone(),
         report: plan.report.clone(),
-        order: String::new(),
-        machine: None,
         runs: runs.map(run).collect(),
-        references: Vec::new(),
-        notes: Vec::new(),
+        ..NightResults::default()
     }
+}
+
+/// Returns the device of every cell for which it is known; none if every backend has a single
+/// device, since the comparison of devices is intended then.
+fn mixed_devices(
+    plan: &Plan,
+    results: &[CellResult],
+    device: impl Fn(&CellResult) -> Option<String>,
+) -> BTreeMap<usize, String> {
+    let known = results.iter().filter_map(|result| match result.cell {
+        CellRef::Cell(cell) => Some((cell, device(result)?)),
+        CellRef::Reference(_) => None,
+    });
+    let known: BTreeMap<usize, String> = known.collect();
+    let backend = |cell: &usize| Some(plan.cells.get(*cell)?.config.backend.as_str());
+    let pairs = known.iter();
+    let pairs: BTreeSet<_> = pairs
+        .filter_map(|(cell, d)| Some((backend(cell)?, d)))
+        .collect();
+    let backends: BTreeSet<&str> = pairs.iter().map(|(backend, _)| *backend).collect();
+    if backends.len() == pairs.len() {
+        return BTreeMap::new();
+    }
+    known
 }
 
 #[cfg(test)]

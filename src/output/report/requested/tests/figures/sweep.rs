@@ -206,13 +206,12 @@ fn times_over_an_axis_have_separate_figures_for_each_device() {
         CellRef::Cell(i) => Some(if i % 6 < 2 { "a lens" } else { "a prism" }.to_owned()),
         CellRef::Reference(_) => None,
     };
-    let devices = Devices::new(&plan, &results, name);
     let count = |y: TableValue| {
         figures(
             &plan,
             &over("depth", &[y], Some("scene"), &[]),
             &results,
-            &devices,
+            name,
         )
         .len()
     };
