@@ -2,8 +2,8 @@
 //! acceleration structures.
 
 use super::ReportError;
-use super::convergence::{mean_name, provenance, separate_devices};
-use super::item::{ItemKind, ReportItem};
+use super::convergence::{mean_and_band, mean_name, provenance, separate_devices};
+use super::item::ReportItem;
 use super::pgfplots::PgfFigure;
 use super::study::{Member, ReportOptions, Study};
 use crate::experiment::spec::{RunColumn, TableValue};
@@ -296,39 +296,29 @@ fn item(
         scales: [over.scale(), scale],
     };
     let extra = latex.files(&stem, &caption, &provenance);
+    let section = format!("Final values over {}", over.name);
+    let svg = draw(&figure);
     ReportItem {
-        kind: ItemKind::Figure,
-        section: format!("Final values over {}", over.name),
-        stem,
-        title,
-        caption,
-        svg: Some(draw(&figure)),
-        table: None,
         extra,
-        provenance,
+        ..ReportItem::figure(&section, stem, title, caption, svg, provenance)
     }
 }
 
 /// Describes what the lines average and what the bands show, with a leading space.
 fn averaging(study: &Study, panels: &[Panel], scale: Scale) -> String {
-    let kinds = || {
-        panels
-            .iter()
-            .flat_map(|p| &p.lines)
-            .filter_map(|line| line.band.as_ref())
-            .map(|band| band.kind)
-    };
-    let mean = mean_name(scale);
     let repeated = study.all().any(|m| m.run.repeat > 0);
-    let mut text = match kinds().max() {
-        Some(BandKind::Confidence) => {
-            format!(" {mean} of repeats. Band: 95 % confidence interval of the mean (Student's t).")
-        }
-        Some(BandKind::Range) => format!(" {mean} of repeats. Band: range of the two repeats."),
-        _ if repeated => format!(" {mean} of repeats."),
-        _ => " One run each.".to_owned(),
+    let mut text = match mean_and_band(scale, panels, "repeats") {
+        Some(text) => format!(" {text}"),
+        None if repeated => format!(" {} of repeats.", mean_name(scale)),
+        None => " One run each.".to_owned(),
     };
-    if repeated && kinds().any(|kind| kind == BandKind::Single) {
+    let mut lines = panels.iter().flat_map(|panel| &panel.lines);
+    let is_single = |line: &Line| {
+        line.band
+            .as_ref()
+            .is_some_and(|b| b.kind == BandKind::Single)
+    };
+    if repeated && lines.any(is_single) {
         text += " Lines with a single run at any point have no band.";
     }
     text
