@@ -6,6 +6,7 @@
 //! from it. Pictures are read through the callback [`Pictures`], since nothing in this module
 //! accesses the disk.
 
+mod bias;
 mod cite;
 mod convergence;
 mod crops;

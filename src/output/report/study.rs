@@ -1,18 +1,17 @@
 //! Groups the runs of nights into a study: repeats, compared series, and facets in separate panels.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use super::ReportError;
-use super::series::{BIASED, Series};
+use super::series::Series;
 use crate::experiment::WaveRow;
-use crate::experiment::night_results::{NightResults, RunResult, biased_reference};
+use crate::experiment::night_results::{NightResults, RunResult};
 use crate::experiment::spec::TableValue;
 use crate::output::dependent_axes;
 use crate::output::format;
 use crate::output::quantity::{self, RunValue};
 use lumbre_light::transport::integrator::canonical_name;
 use lumbre_metrics::{Better, MetricSpec};
-use lumbre_render::denoise;
 
 /// Options of a report. All have defaults that suit most nights.
 #[derive(Clone, Debug, Default)]
@@ -266,36 +265,6 @@ impl<'a> Study<'a> {
         }
         self.sort_series();
         self.mark_biased_series();
-    }
-
-    /// Marks the labels of the series whose pictures are all denoised.
-    fn mark_biased_series(&mut self) {
-        for series in 0..self.series.len() {
-            let mut members = (0..self.facets.len()).flat_map(|facet| self.members(facet, series));
-            if members.all(|m| m.run.denoise.is_some()) {
-                self.series[series].label += BIASED;
-                self.series[series].short_label += BIASED;
-            }
-        }
-    }
-
-    /// Returns sentences for captions on what is biased: denoised pictures, and references.
-    pub fn bias_sentences(&self) -> impl Iterator<Item = String> {
-        let denoised = self.is_denoised().then(|| denoise::BIAS.to_owned());
-        denoised.into_iter().chain(self.biased_references())
-    }
-
-    /// Returns whether pictures of the study are denoised.
-    pub fn is_denoised(&self) -> bool {
-        self.all().any(|m| m.run.denoise.is_some())
-    }
-
-    /// Returns a sentence for each biased technique of references.
-    pub fn biased_references(&self) -> Vec<String> {
-        let nights = self.nights.iter();
-        let biased: BTreeSet<_> = nights.flat_map(|n| n.biased_references()).collect();
-        let sentence = |biased| format!("Warning: {}.", biased_reference(biased));
-        biased.into_iter().map(sentence).collect()
     }
 
     /// Returns the label of a run's series with and without names of axes, and the long name if the

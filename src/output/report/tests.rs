@@ -97,21 +97,18 @@ fn run(
         repeat,
         seed: 100 + repeat,
         integrator: technique.to_owned(),
-        denoise: None,
         scene: format!("{scene}.scn"),
         max_depth: Some(5),
         resolution: Some([40, 30]),
         device: Some(device.to_owned()),
         lanes: Some(16),
         lost_share: Some(0.0),
-        peer: None,
         state: RunState::Done("128 samples per pixel".to_owned()),
         rows: Arc::new(rows.collect()),
         reference: Some(0),
         pictures: [16, 64, 128]
             .map(|n| (n, PathBuf::from(format!("{technique}-{n}.exr"))))
             .to_vec(),
-        films: Vec::new(),
         open: Some(OpenStats {
             accel_build_s: 0.0021,
             accel_nodes: 77,
@@ -121,6 +118,7 @@ fn run(
         }),
         floors: vec![("rmse".to_owned(), 0.004)],
         id,
+        ..RunResult::default()
     }
 }
 

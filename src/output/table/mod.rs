@@ -72,7 +72,7 @@ pub struct TableCell {
     pub run_ids: Vec<String>,
 }
 
-/// What a table of a report shows.
+/// Subject of a table in a report, by which other code finds it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TableKind {
     /// Final values of the metric with this index in the study.
@@ -83,7 +83,7 @@ pub enum TableKind {
     EqualError(usize),
     /// Render times to a threshold of a metric.
     TimeTo(usize),
-    /// Anything else.
+    /// Any other subject.
     Other,
 }
 
@@ -92,7 +92,7 @@ pub enum TableKind {
 pub struct Table {
     /// Name of the table's files.
     pub name: String,
-    /// What the table shows.
+    /// Subject of the table.
     pub kind: TableKind,
     /// Heading of the page under which it is listed: the metric or the subject.
     pub section: String,

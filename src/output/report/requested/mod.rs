@@ -19,7 +19,7 @@ use crate::experiment::{CellRef, CellResult, Outcome};
 
 /// Collects the results of a plan, whose cells without a result are pending. Duplicate cells of the
 /// A/A check are left out, as are files, references and what only files state. `device` returns the
-/// device of a result, by which times are told apart.
+/// device of a result; times of different devices are shown separately.
 pub fn night(
     plan: &Plan,
     results: &[CellResult],
