@@ -358,6 +358,13 @@ impl<'a> Study<'a> {
             .collect()
     }
 
+    /// Returns the finished runs of a series in a facet, with repeats in order.
+    pub fn finished(&'a self, facet: usize, series: usize) -> Vec<Member<'a>> {
+        let mut members = self.members(facet, series);
+        members.retain(|member| member.run.is_done());
+        members
+    }
+
     /// Returns every run of all nights.
     pub fn all(&'a self) -> impl Iterator<Item = Member<'a>> {
         self.nights

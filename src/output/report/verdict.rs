@@ -266,8 +266,7 @@ fn clocks(study: &Study) -> Vec<String> {
     let series = study.series.iter().enumerate();
     let runs = series.flat_map(|(index, series)| {
         let facets = 0..study.facets.len();
-        let members = facets.flat_map(move |facet| study.members(facet, index));
-        let finished = members.filter(|member| member.run.is_done());
+        let finished = facets.flat_map(move |facet| study.finished(facet, index));
         finished.map(move |member| (series.label.as_str(), member.run.lost_share))
     });
     let orders = study.nights.iter().map(|night| night.order.as_str());

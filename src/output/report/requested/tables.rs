@@ -37,13 +37,12 @@ pub fn tables(plan: &Plan, night: &NightResults, spec: &TableSpec) -> Vec<Table>
 
 /// Computes a table of the runs on one device, or of all.
 fn table(plan: &Plan, study: &Study, spec: &TableSpec, device: Option<&str>) -> Table {
-    let is_shown =
-        |m: &Member| m.run.is_done() && (device.is_none() || m.run.device.as_deref() == device);
+    let is_shown = |m: &Member| device.is_none() || m.run.device.as_deref() == device;
     let row = |facet: usize| {
         let cell = |series: usize| {
-            let mut members = study.members(facet, series);
-            members.retain(is_shown);
-            average(study, spec, &members)
+            let mut finished = study.finished(facet, series);
+            finished.retain(is_shown);
+            average(study, spec, &finished)
         };
         let cells = (0..study.series.len()).map(cell).collect();
         (study.facet_values(facet), cells)

@@ -115,9 +115,8 @@ pub(in crate::output::report) fn common_time(
     facet: usize,
 ) -> Option<f64> {
     options.at_time.or_else(|| {
-        let members = (0..study.series.len()).flat_map(|s| study.members(facet, s));
-        members
-            .filter(|m| m.run.is_done())
+        let finished = (0..study.series.len()).flat_map(|s| study.finished(facet, s));
+        finished
             .filter_map(|m| Some(m.run.rows.last()?.render_s))
             .reduce(f64::min)
     })
@@ -173,12 +172,12 @@ pub(in crate::output::report) fn common_error(
     facet: usize,
     metric: usize,
 ) -> Option<f64> {
-    let members = (0..study.series.len()).flat_map(|s| study.members(facet, s));
+    let finished = (0..study.series.len()).flat_map(|s| study.finished(facet, s));
     let last = |m: Member| {
         let curve = curve_over_time(study, &m, metric);
         curve.points.last().map(|p| p.1)
     };
-    let finals = members.filter(|m| m.run.is_done()).filter_map(last);
+    let finals = finished.filter_map(last);
     match MetricDisplay::for_metric(&study.metrics[metric]).scale {
         Scale::Log => finals.reduce(f64::max),
         Scale::Linear => finals.reduce(f64::min),

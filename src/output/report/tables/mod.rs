@@ -169,12 +169,12 @@ fn fill_table(
         let (mut samples, mut cells): (Vec<Vec<RunValue>>, Vec<TableCell>) = Default::default();
         let mut complete = Vec::new();
         for series in 0..study.series.len() {
-            let members = study.members(facet, series);
-            let finished = || members.iter().filter(|m| m.run.is_done());
-            let (run_ids, values): (Vec<String>, Vec<RunValue>) = finished()
+            let finished = study.finished(facet, series);
+            let (run_ids, values): (Vec<String>, Vec<RunValue>) = finished
+                .iter()
                 .filter_map(|m| Some((m.run.id.clone(), value(facet, m)?)))
                 .unzip();
-            complete.push(values.len() == finished().count());
+            complete.push(values.len() == finished.len());
             cells.push(TableCell {
                 run_ids,
                 ..TableCell::mean(&values, ranking)
@@ -229,9 +229,8 @@ fn mark_noise_floors(
     let mut any = false;
     for (facet, (_, cells)) in table.rows.iter_mut().enumerate() {
         for (series, cell) in cells.iter_mut().enumerate() {
-            let members = study.members(facet, series);
-            let mut finished = members.iter().filter(|m| m.run.is_done());
-            cell.at_floor = finished.any(|member| is_at_floor(facet, member));
+            let finished = study.finished(facet, series);
+            cell.at_floor = finished.iter().any(|member| is_at_floor(facet, member));
             any |= cell.at_floor;
         }
     }

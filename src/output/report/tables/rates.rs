@@ -200,9 +200,9 @@ fn structure_cells(study: &Study, facet: usize, group: &str) -> Vec<TableCell> {
         ),
     ];
     for series in series() {
-        let members = study.members(facet, series);
-        let finished = members.iter().filter(|m| m.run.is_done());
+        let finished = study.finished(facet, series);
         let (run_ids, rates): (Vec<String>, Vec<RunValue>) = finished
+            .iter()
             .filter_map(|m| Some((m.run.id.clone(), RunValue::exact(m.run.mrays_per_s()?))))
             .unzip();
         cells.push(TableCell {
