@@ -1,5 +1,6 @@
 //! Reports of hand-made nights.
 
+mod means;
 mod presentation;
 mod sweep;
 mod verdict;
