@@ -5,13 +5,14 @@
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use super::WaveRow;
 use super::spec::Presentation;
 use lumbre_light::transport::integrator::bias_of;
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
-use lumbre_render::Peer;
+use lumbre_render::{OpenStats, Peer};
 
 /// Describes what a biased technique of a reference does to a comparison, without a full stop.
 pub fn biased_reference((technique, bias): (&str, &str)) -> String {
@@ -22,7 +23,7 @@ pub fn biased_reference((technique, bias): (&str, &str)) -> String {
 }
 
 /// Contents of one night's folder.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct NightResults {
     /// Path of the folder.
     pub folder: PathBuf,
@@ -70,20 +71,21 @@ pub struct Machine {
 }
 
 /// State of a run.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum RunState {
     /// Finished by its stop rule; the text names the clause that held.
     Done(String),
     /// Has measurements but is not finished.
     Unfinished,
     /// Has no measurements.
+    #[default]
     Pending,
     /// Left out, since a file does not match its checksum.
     Damaged,
 }
 
 /// Result of one run of a cell.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct RunResult {
     /// Id of the run.
     pub id: String,
@@ -119,7 +121,7 @@ pub struct RunResult {
     /// State of the run.
     pub state: RunState,
     /// Measurements, oldest first.
-    pub rows: Vec<WaveRow>,
+    pub rows: Arc<Vec<WaveRow>>,
     /// Index into [`NightResults::references`].
     pub reference: Option<usize>,
     /// Stored pictures in ascending order of samples per pixel. If the run is done, the last one is
@@ -127,11 +129,8 @@ pub struct RunResult {
     pub pictures: Vec<(u64, PathBuf)>,
     /// File names of the films, without extension.
     pub films: Vec<String>,
-    /// Seconds spent building acceleration structures, and their number of nodes.
-    pub accel: Option<(f64, u64)>,
-    /// Bytes of the acceleration structures and their cost by the surface area heuristic, if
-    /// recorded.
-    pub accel_size: Option<(u64, f64)>,
+    /// Cost of opening its renderer, if it is finished.
+    pub open: Option<OpenStats>,
     /// Noise floors of its reference by column: the values that the true picture would measure.
     /// Empty if unknown.
     pub floors: Vec<(String, f64)>,
@@ -149,6 +148,12 @@ impl RunResult {
             .iter()
             .find(|(name, _)| name == axis)
             .map(|(_, value)| value.to_string())
+    }
+
+    /// Texts of the run's values on some axes; an en dash where it has no value.
+    pub fn axis_values(&self, axes: &[String]) -> Vec<String> {
+        let value = |axis: &String| self.axis_value(axis).unwrap_or_else(|| "–".to_owned());
+        axes.iter().map(value).collect()
     }
 
     /// Noise floor of its reference for a column, if it is known.

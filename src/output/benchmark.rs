@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use super::provenance::Provenance;
-use super::table::{Digits, Interval, Table, TableCell};
+use super::table::{Digits, Interval, Table, TableCell, TableKind};
 use lumbre_light::math::t_test::mean_and_interval;
 
 /// Rates of one backend of one machine.
@@ -148,6 +148,7 @@ fn table(
     let columns = shown.iter().flat_map(|(_, techniques)| techniques);
     Table {
         name: name.to_owned(),
+        kind: TableKind::Other,
         section: String::new(),
         title: title.to_owned(),
         caption: caption.to_owned(),

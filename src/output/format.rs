@@ -1,37 +1,11 @@
 //! Formats names and numbers for tables, figures and CSV files.
 
-use crate::experiment::plan::Plan;
-use lumbre_light::transport::integrator::{canonical_name, integrator};
-use lumbre_light::value::Value;
+use lumbre_light::transport::integrator::integrator;
 use lumbre_metrics::MetricSpec;
 
-/// Returns the index of a metric column in the plan, and its metric.
-pub fn column<'a>(plan: &'a Plan, name: &str) -> Option<(usize, &'a MetricSpec)> {
-    plan.measure
-        .metrics
-        .iter()
-        .enumerate()
-        .find(|(_, m)| m.column == name)
-}
-
-/// Returns the value of cell `index` on an axis.
-pub fn axis_value<'a>(plan: &'a Plan, index: usize, axis: &str) -> Option<&'a Value> {
-    plan.cells
-        .get(index)?
-        .point
-        .iter()
-        .find(|(name, _)| name == axis)
-        .map(|(_, value)| value)
-}
-
-/// Returns whether an axis selects the integrator, that is, each cell renders with the integrator
-/// named by its value on the axis.
-pub fn is_integrator_axis(plan: &Plan, axis: &str) -> bool {
-    !plan.cells.is_empty()
-        && plan.cells.iter().enumerate().all(|(i, cell)| {
-            let value = axis_value(plan, i, axis).and_then(Value::as_str);
-            value.is_some_and(|value| canonical_name(value) == cell.config.integrator)
-        })
+/// Returns the index of a metric column, and its metric.
+pub fn column<'a>(metrics: &'a [MetricSpec], name: &str) -> Option<(usize, &'a MetricSpec)> {
+    metrics.iter().enumerate().find(|(_, m)| m.column == name)
 }
 
 /// Returns the long name of an integrator, or `None` if it is unknown.

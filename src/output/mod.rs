@@ -8,7 +8,6 @@
 pub mod benchmark;
 pub mod clock;
 mod dependent_axes;
-pub mod devices;
 mod exposure;
 pub mod exr;
 mod format;

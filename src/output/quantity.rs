@@ -2,10 +2,11 @@
 //! computed, named and described.
 
 use super::format;
-use crate::experiment::plan::Plan;
+use crate::experiment::WaveRow;
+use crate::experiment::night_results::RunResult;
 use crate::experiment::spec::TableValue;
-use crate::experiment::{CellRef, CellResult, Outcome, WaveRow};
-use lumbre_metrics::Better;
+use lumbre_metrics::{Better, MetricSpec};
+use lumbre_render::OpenStats;
 
 /// Relation of a number to the true one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -135,29 +136,31 @@ pub fn time_to(better: Better, curve: &[(f64, f64)], threshold: f64) -> Option<R
     crossing(curve, threshold, reached, magnitude)
 }
 
-/// Returns whether a result is a finished run that tables and figures include. Duplicate runs of the A/A check
-/// are not included.
-pub fn is_finished(plan: &Plan, result: &CellResult) -> bool {
-    let is_result = |cell: usize| plan.cells.get(cell).is_some_and(|c| c.double_of.is_none());
-    matches!(result.cell, CellRef::Cell(cell) if is_result(cell))
-        && matches!(result.outcome, Outcome::Done(_) | Outcome::Cached(_))
-}
-
-/// Returns the value of one finished run, or `None` if the run has no such value.
-pub fn run_value(plan: &Plan, value: &TableValue, result: &CellResult) -> Option<RunValue> {
-    let last = result.rows.last()?;
+/// Returns the value of a run at its last measurement, or `None` if the run has no such value.
+/// `metric` returns the value of the metric with an index in `metrics`.
+pub fn run_value(
+    metrics: &[MetricSpec],
+    value: &TableValue,
+    run: &RunResult,
+    metric: impl Fn(&WaveRow, usize) -> Option<f64>,
+) -> Option<RunValue> {
+    let last = run.rows.last()?;
     Some(match value {
         TableValue::Metric(name) => {
-            RunValue::exact(*last.metrics.get(format::column(plan, name)?.0)?)
+            RunValue::exact(metric(last, format::column(metrics, name)?.0)?)
         }
         TableValue::TimeTo { column, threshold } => {
-            let (index, metric) = format::column(plan, column)?;
-            last.metrics.get(index)?;
-            let point = |row: &WaveRow| Some((row.render_s, *row.metrics.get(index)?));
-            let curve: Vec<(f64, f64)> = result.rows.iter().filter_map(point).collect();
-            time_to(metric.row.better, &curve, *threshold)?
+            let (index, spec) = format::column(metrics, column)?;
+            metric(last, index)?;
+            let point = |row: &WaveRow| Some((row.render_s, metric(row, index)?));
+            let curve: Vec<(f64, f64)> = run.rows.iter().filter_map(point).collect();
+            time_to(spec.row.better, &curve, *threshold)?
         }
-        TableValue::Run(column) => RunValue::exact((column.row().value)(last, &result.open)?),
+        TableValue::Run(column) => {
+            let unknown = OpenStats::default();
+            let open = run.open.as_ref().unwrap_or(&unknown);
+            RunValue::exact((column.row().value)(last, open)?)
+        }
     })
 }
 
@@ -180,10 +183,10 @@ pub fn threshold_sign(better: Better) -> &'static str {
 }
 
 /// Returns the axis label of a value, with its unit.
-pub fn label(plan: &Plan, value: &TableValue) -> String {
+pub fn label(metrics: &[MetricSpec], value: &TableValue) -> String {
     match value {
         TableValue::Metric(column) => {
-            let metric = format::column(plan, column).map(|(_, m)| m);
+            let metric = format::column(metrics, column).map(|(_, m)| m);
             metric.map_or(column.clone(), |m| {
                 format::with_unit(m.row.label, &m.unit())
             })
@@ -194,9 +197,9 @@ pub fn label(plan: &Plan, value: &TableValue) -> String {
 }
 
 /// Returns the description of a value, as the beginning of a sentence.
-pub fn title(plan: &Plan, value: &TableValue) -> String {
+pub fn title(metrics: &[MetricSpec], value: &TableValue) -> String {
     match value {
-        TableValue::Metric(column) => match format::column(plan, column) {
+        TableValue::Metric(column) => match format::column(metrics, column) {
             Some((_, m)) => {
                 let unit = m.unit();
                 let unit = if unit.is_empty() {
@@ -211,7 +214,7 @@ pub fn title(plan: &Plan, value: &TableValue) -> String {
             }
             None => format!("`{column}` (not measured)"),
         },
-        TableValue::TimeTo { column, threshold } => match format::column(plan, column) {
+        TableValue::TimeTo { column, threshold } => match format::column(metrics, column) {
             Some((_, m)) => {
                 let sign = threshold_sign(m.row.better);
                 format!(

@@ -60,15 +60,8 @@ impl MetricCurve {
             return Some(y1);
         };
         let fraction = ((x.ln() - x0.ln()) / (x1.ln() - x0.ln())).clamp(0.0, 1.0);
-        Some(self.back(self.forward(y0) + fraction * (self.forward(y1) - self.forward(y0))))
-    }
-
-    fn forward(&self, y: f64) -> f64 {
-        if self.scale == Scale::Log { y.ln() } else { y }
-    }
-
-    fn back(&self, y: f64) -> f64 {
-        if self.scale == Scale::Log { y.exp() } else { y }
+        let [from, to] = [y0, y1].map(|y| self.scale.scaled(y));
+        Some(self.scale.unscaled(from + fraction * (to - from)))
     }
 }
 
@@ -118,11 +111,7 @@ pub struct Spread {
 impl Spread {
     /// Computes the spread of values that the scale accepts. Returns `None` if there are none.
     pub fn from_values(scale: Scale, values: &[f64]) -> Option<Spread> {
-        let scaled: Vec<f64> = values
-            .iter()
-            .map(|v| if scale == Scale::Log { v.ln() } else { *v })
-            .collect();
-        let back = |y: f64| if scale == Scale::Log { y.exp() } else { y };
+        let scaled: Vec<f64> = values.iter().map(|v| scale.scaled(*v)).collect();
         let (mean, half) = mean_and_interval(&scaled);
         let ends = match BandKind::for_runs(scaled.len()) {
             BandKind::Confidence => (mean - half.unwrap_or(0.0), mean + half.unwrap_or(0.0)),
@@ -133,8 +122,8 @@ impl Spread {
                 }),
         };
         (!values.is_empty()).then(|| Spread {
-            mean: back(mean),
-            ends: (back(ends.0), back(ends.1)),
+            mean: scale.unscaled(mean),
+            ends: (scale.unscaled(ends.0), scale.unscaled(ends.1)),
         })
     }
 }

@@ -7,6 +7,7 @@ use crate::columns::{
     AA_CHECK, CONTROL_OF, REPEATED, REPEATED_MEANS, SUMMARY_AFTER, SUMMARY_BEFORE, names,
 };
 use crate::experiment::aa_check::Finding;
+use crate::experiment::night_results::NightResults;
 use crate::experiment::noise_floor::net_columns;
 use crate::experiment::plan::{Cell, Plan};
 use crate::experiment::{CellRef, CellResult, Outcome, Point, WaveRow};
@@ -157,35 +158,24 @@ fn header(plan: &Plan, noise: &ReferenceNoise) -> Vec<String> {
 /// The means are those of samples per pixel, render time, speed and the final value of every
 /// metric. Each has the bounds of its 95 % confidence interval by Student's t (`<column>_low`,
 /// `<column>_high`; empty for a single run).
-pub fn repeats_csv(plan: &Plan, results: &[CellResult]) -> String {
-    let by_cell: BTreeMap<CellRef, &CellResult> = results.iter().map(|r| (r.cell, r)).collect();
-    let last_row = |index: usize| {
-        let result = by_cell.get(&CellRef::Cell(index))?;
-        matches!(result.outcome, Outcome::Done(_) | Outcome::Cached(_))
-            .then(|| result.rows.last())
-            .flatten()
-    };
+pub fn repeats_csv(night: &NightResults) -> String {
     let mut points: Vec<(&Point, Vec<&WaveRow>)> = Vec::new();
-    for (index, cell) in plan
-        .cells
-        .iter()
-        .enumerate()
-        .filter(|(_, cell)| cell.double_of.is_none())
-    {
-        if points.last().is_none_or(|(point, _)| **point != cell.point) {
-            points.push((&cell.point, Vec::new()));
+    for run in &night.runs {
+        if points.last().is_none_or(|(point, _)| **point != run.point) {
+            points.push((&run.point, Vec::new()));
         }
-        if let (Some(row), Some((_, rows))) = (last_row(index), points.last_mut()) {
+        let row = run.rows.last().filter(|_| run.is_done());
+        if let (Some(row), Some((_, rows))) = (row, points.last_mut()) {
             rows.push(row);
         }
     }
     if points.iter().all(|(_, rows)| rows.len() < 2) {
         return String::new();
     }
-    let mut header: Vec<String> = plan.axes.clone();
+    let mut header: Vec<String> = night.axes.clone();
     header.push(REPEATED.name.to_owned());
-    let columns = names(&REPEATED_MEANS);
-    for column in columns.into_iter().chain(plan.columns()) {
+    let columns = night.metrics.iter().map(|metric| metric.column.clone());
+    for column in names(&REPEATED_MEANS).into_iter().chain(columns) {
         header.extend(["", "_low", "_high"].map(|end| format!("{column}{end}")));
     }
     let mut text = csv_line(&header);
@@ -194,7 +184,7 @@ pub fn repeats_csv(plan: &Plan, results: &[CellResult]) -> String {
         fields.push(rows.len().to_string());
         let numbers = |row: &&WaveRow| [row.samples as f64, row.render_s, row.mpaths_per_s()];
         let counts = (0..3).map(|i| rows.iter().map(|row| numbers(row)[i]).collect::<Vec<f64>>());
-        let metrics = (0..plan.measure.metrics.len()).map(|i| {
+        let metrics = (0..night.metrics.len()).map(|i| {
             rows.iter()
                 .filter_map(|row| row.metrics.get(i).copied())
                 .collect::<Vec<f64>>()
@@ -244,6 +234,11 @@ pub fn aa_check_csv(findings: &[Finding]) -> String {
 mod tests {
     use super::super::fixture;
     use super::*;
+    use crate::output::report::requested;
+
+    fn repeats_csv(plan: &Plan, results: &[CellResult]) -> String {
+        super::repeats_csv(&requested::night(plan, results, |_| None))
+    }
 
     #[test]
     fn every_cell_has_a_line() {

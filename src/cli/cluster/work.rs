@@ -389,9 +389,9 @@ impl ClusterWorker<'_> {
         let Some(night) = self.collect_results(control)? else {
             return Ok(None);
         };
-        let devices = results::timed_devices(self.store, self.plan, &night);
-        results::write_results(self.store, self.plan, &night, &devices)?;
-        results::print_tables(self.plan, &night, &devices)?;
+        let collected = results::collect(self.store, self.plan, &night);
+        results::write_results(self.store, self.plan, &night, &collected)?;
+        results::print_tables(self.plan, &collected)?;
         results::print_failures(self.plan, &night);
         results::print_disagreements(self.plan, &night);
         self.print_unless_quiet(|| {

@@ -107,8 +107,7 @@ impl Export<'_> {
     fn facet<'a>(&mut self, study: &'a Study, facet: usize) -> Result<FacetPictures<'a>, Failure> {
         let mut pictures = FacetPictures::default();
         for series in 0..study.series.len() {
-            let members = study.members(facet, series);
-            let Some(member) = members.into_iter().find(|member| member.run.is_done()) else {
+            let Some(member) = study.finished(facet, series).into_iter().next() else {
                 continue;
             };
             let reference = member

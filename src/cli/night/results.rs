@@ -5,11 +5,11 @@ use std::collections::BTreeSet;
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path};
 use crate::experiment::aa_check;
+use crate::experiment::night_results::NightResults;
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::spec::{FigureSpec, TableFormat};
-use crate::experiment::{CellRef, NightSummary, Outcome, Plan, PlanOutline};
-use crate::output::devices::Devices;
-use crate::output::table::by_axes;
+use crate::experiment::{CellRef, CellResult, NightSummary, Outcome, Plan, PlanOutline};
+use crate::output::report::requested;
 use crate::output::{plot, summary};
 use crate::store::Store;
 
@@ -47,12 +47,12 @@ pub(in crate::cli) fn write_results(
     store: &Store,
     plan: &Plan,
     night: &NightSummary,
-    devices: &Devices,
+    results: &NightResults,
 ) -> Result<(), Failure> {
     let write = |name: &str, bytes: &[u8]| store.write(name, bytes).map_err(Failure::internal);
     write("summary.csv", summary::csv(plan, &night.results).as_bytes())?;
     for spec in &plan.tables {
-        for table in by_axes::tables(plan, spec, &night.results, devices) {
+        for table in requested::tables(plan, results, spec) {
             for format in &spec.formats {
                 let (extension, text) = match format {
                     TableFormat::Md => ("md", table.to_text()),
@@ -66,7 +66,7 @@ pub(in crate::cli) fn write_results(
         }
     }
     for spec in &plan.figures {
-        for figure in plot::figures(plan, spec, &night.results, devices) {
+        for figure in requested::figures(plan, results, spec) {
             let stem = &figure.stem;
             write(&format!("figures/{stem}.svg"), figure.svg.as_bytes())?;
             write(&format!("figures/{stem}.csv"), figure.csv.as_bytes())?;
@@ -74,7 +74,7 @@ pub(in crate::cli) fn write_results(
             write(&format!("figures/{stem}.png"), &png)?;
         }
     }
-    let repeats = summary::repeats_csv(plan, &night.results);
+    let repeats = summary::repeats_csv(results);
     if !repeats.is_empty() {
         write("repeats.csv", repeats.as_bytes())?;
     }
@@ -85,27 +85,21 @@ pub(in crate::cli) fn write_results(
     Ok(())
 }
 
-/// Returns the devices of all cells if a figure or table shows times, and none otherwise: only
-/// times depend on devices, and finding them reads a file of every run.
-pub(in crate::cli) fn timed_devices(store: &Store, plan: &Plan, night: &NightSummary) -> Devices {
+/// Collects the results of a night for its figures and tables. Devices are found only if one of them
+/// shows times, which depend on devices, since that reads a file of every run.
+pub(in crate::cli) fn collect(store: &Store, plan: &Plan, night: &NightSummary) -> NightResults {
     let timed = plan.tables.iter().any(|spec| spec.value.is_clock())
         || plan.figures.iter().any(FigureSpec::is_timed);
-    if !timed {
-        return Devices::default();
-    }
-    Devices::new(plan, &night.results, |result| store.device(plan, result))
+    let device = |result: &CellResult| timed.then(|| store.device(plan, result)).flatten();
+    requested::night(plan, &night.results, device)
 }
 
 /// Prints all tables of a plan to stdout as Markdown.
-pub(in crate::cli) fn print_tables(
-    plan: &Plan,
-    night: &NightSummary,
-    devices: &Devices,
-) -> Result<(), Failure> {
+pub(in crate::cli) fn print_tables(plan: &Plan, results: &NightResults) -> Result<(), Failure> {
     let tables = plan
         .tables
         .iter()
-        .flat_map(|spec| by_axes::tables(plan, spec, &night.results, devices));
+        .flat_map(|spec| requested::tables(plan, results, spec));
     print_result(
         &tables
             .map(|table| table.to_text())

@@ -253,12 +253,12 @@ fn finish_night(
     } else {
         ended.night
     };
-    let devices = results::timed_devices(store, plan, &night);
-    let written = results::write_results(store, plan, &night, &devices);
+    let collected = results::collect(store, plan, &night);
+    let written = results::write_results(store, plan, &night, &collected);
     let printed = if request.without_tables {
         Ok(())
     } else {
-        results::print_tables(plan, &night, &devices)
+        results::print_tables(plan, &collected)
     };
     if !ended.failures_printed {
         results::print_failures(plan, &night);

@@ -200,6 +200,7 @@ fn as_json(
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
+    use std::sync::Arc;
 
     use super::*;
     use crate::experiment::night_results::RunState;
@@ -214,32 +215,16 @@ mod tests {
             ..WaveRow::default()
         };
         RunResult {
-            id: String::new(),
-            path: String::new(),
-            folder: PathBuf::new(),
-            point: Vec::new(),
-            repeat: 0,
             seed: 1,
             integrator: technique.to_owned(),
-            denoise: None,
             scene: "box".to_owned(),
-            max_depth: None,
-            resolution: None,
-            device: None,
-            lanes: None,
-            peer: None,
-            lost_share: None,
             state: RunState::Done("1 s".to_owned()),
-            rows: waves.iter().map(row).collect(),
-            reference: None,
-            pictures: Vec::new(),
-            films: Vec::new(),
-            accel: None,
-            accel_size: None,
+            rows: Arc::new(waves.iter().map(row).collect()),
             floors: floor
                 .map(|floor| (METRIC.to_owned(), floor))
                 .into_iter()
                 .collect(),
+            ..RunResult::default()
         }
     }
 

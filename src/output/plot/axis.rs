@@ -12,6 +12,24 @@ pub enum Scale {
 }
 
 impl Scale {
+    /// Converts a value to the number that is averaged: the natural logarithm on a logarithmic scale.
+    pub fn scaled(self, value: f64) -> f64 {
+        if self == Scale::Log {
+            value.ln()
+        } else {
+            value
+        }
+    }
+
+    /// Converts a number of [`Scale::scaled`] back to a value.
+    pub fn unscaled(self, scaled: f64) -> f64 {
+        if self == Scale::Log {
+            scaled.exp()
+        } else {
+            scaled
+        }
+    }
+
     /// Returns whether a value can be drawn on such an axis.
     pub fn accepts(self, value: f64) -> bool {
         value.is_finite() && (self == Scale::Linear || value > 0.0)

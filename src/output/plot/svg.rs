@@ -2,6 +2,10 @@
 
 use std::fmt::Write;
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use maud::html;
+
 use super::axis::TickLabel;
 use super::style::{INK, Style};
 use crate::text::is_control;
@@ -307,42 +311,20 @@ fn number(x: f64) -> String {
 
 /// Encodes bytes in base 64 with padding [RFC 4648].
 pub fn base64(bytes: &[u8]) -> String {
-    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let word = chunk
-            .iter()
-            .fold(0u32, |word, byte| word << 8 | u32::from(*byte))
-            << (8 * (3 - chunk.len()));
-        for place in 0..4 {
-            let letter = LETTERS[(word >> (18 - 6 * place) & 63) as usize];
-            out.push(if place <= chunk.len() {
-                char::from(letter)
-            } else {
-                '='
-            });
-        }
-    }
-    out
+    STANDARD.encode(bytes)
 }
 
 /// Escapes text as XML character data. Control characters, which XML does not allow, become spaces.
 pub fn escape(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '&' => out += "&amp;",
-            '<' => out += "&lt;",
-            '>' => out += "&gt;",
-            '"' => out += "&quot;",
-            '\n' => out.push('\n'),
-            c if c.is_control() || is_control(c) || matches!(c, '\u{fffe}' | '\u{ffff}') => {
-                out.push(' ');
-            }
-            c => out.push(c),
-        }
-    }
-    out
+    html! { (without_controls(text)) }.into_string()
+}
+
+/// Replaces control characters, which no document may contain, by spaces; lines stay.
+pub fn without_controls(text: &str) -> String {
+    let is_bad = |c: char| {
+        c != '\n' && (c.is_control() || is_control(c) || matches!(c, '\u{fffe}' | '\u{ffff}'))
+    };
+    text.replace(is_bad, " ")
 }
 
 /// Reverses the replacements of [`escape`].

@@ -4,6 +4,7 @@
 
 use super::Pictures;
 use super::item::ReportItem;
+use super::snapshots::read_picture;
 use super::study::{Member, Study};
 use crate::output::format::significant;
 use crate::output::plot::sheet::{Sheet, Sheets};
@@ -34,11 +35,8 @@ pub fn all(
     for facet in 0..study.facets.len() {
         let mut maps = Vec::new();
         for series in 0..study.series.len() {
-            let members = study.members(facet, series);
-            let Some(member) = members
-                .into_iter()
-                .find(|m| m.run.is_done() && !m.run.films.is_empty())
-            else {
+            let mut finished = study.finished(facet, series).into_iter();
+            let Some(member) = finished.find(|m| !m.run.films.is_empty()) else {
                 continue;
             };
             let layers = read_films(&member, pictures, notes);
@@ -62,13 +60,8 @@ fn read_films(member: &Member, pictures: &Pictures, notes: &mut Vec<String>) -> 
         .filter_map(|name| Some((name, parse_film_name(name)?)));
     let image = |(name, film): (&String, LayerFilm)| {
         let path = member.run.folder.join("films").join(format!("{name}.exr"));
-        match pictures(&path) {
-            Ok(image) => Some(LayerImage { film, image }),
-            Err(reason) => {
-                notes.push(format!("a film is left out: {reason}"));
-                None
-            }
-        }
+        let image = read_picture(("a film", &path), pictures, notes)?;
+        Some(LayerImage { film, image })
     };
     films.filter_map(image).collect()
 }

@@ -14,6 +14,7 @@ use crate::output::plot::sizes::{FULL, SCREEN};
 use crate::output::plot::style::{FAINT, INK};
 use crate::output::plot::svg::{Anchor, Drawing, Font, shorten, text_width};
 use crate::output::provenance::Provenance;
+use crate::output::repeats::Spread;
 use lumbre_light::math::luminance::luminance;
 use lumbre_metrics::map::Colours;
 
@@ -109,9 +110,7 @@ impl<'a> HeatMap<'a> {
                 .filter_map(|m| display.drawn_value(m.value(m.run.rows.last()?, metric)?))
                 .collect();
             counts.push(finals.len());
-            let sum: f64 = finals.iter().map(|v| forward(display.scale, *v)).sum();
-            let mean = sum / finals.len() as f64;
-            (!finals.is_empty()).then(|| back(display.scale, mean))
+            Some(Spread::from_values(display.scale, &finals)?.mean)
         };
         let cells: Vec<Vec<Option<f64>>> = rows
             .iter()
@@ -119,7 +118,7 @@ impl<'a> HeatMap<'a> {
             .collect();
         let values = cells.iter().flatten().flatten();
         let (low, high) = values
-            .map(|v| forward(display.scale, *v))
+            .map(|v| display.scale.scaled(*v))
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| {
                 (a.min(v), b.max(v))
             });
@@ -247,7 +246,7 @@ impl<'a> HeatMap<'a> {
             return;
         };
         let fraction = if self.high > self.low {
-            (forward(self.scale, value) - self.low) / (self.high - self.low)
+            (self.scale.scaled(value) - self.low) / (self.high - self.low)
         } else {
             0.5
         };
@@ -275,7 +274,7 @@ impl<'a> HeatMap<'a> {
             return;
         }
         colour_bar(drawing, [x, TOP, 5.0, height], RANGE);
-        let label = |v: f64| significant(back(self.scale, v), 2);
+        let label = |v: f64| significant(self.scale.unscaled(v), 2);
         drawing.text(
             (x + 8.0, TOP + 6.0),
             SMALL,
@@ -295,21 +294,5 @@ impl<'a> HeatMap<'a> {
             Anchor::Start,
             &label((self.low + self.high) / 2.0),
         );
-    }
-}
-
-fn forward(scale: Scale, value: f64) -> f64 {
-    if scale == Scale::Log {
-        value.ln()
-    } else {
-        value
-    }
-}
-
-fn back(scale: Scale, value: f64) -> f64 {
-    if scale == Scale::Log {
-        value.exp()
-    } else {
-        value
     }
 }

@@ -69,6 +69,27 @@ impl ReportItem {
         }
     }
 
+    /// Creates data or text with its files.
+    pub fn data(
+        stem: &str,
+        title: &str,
+        caption: String,
+        files: Vec<(&'static str, Vec<u8>)>,
+        provenance: Provenance,
+    ) -> ReportItem {
+        ReportItem {
+            kind: ItemKind::Data,
+            section: String::new(),
+            stem: stem.to_owned(),
+            title: title.to_owned(),
+            caption,
+            svg: None,
+            table: None,
+            extra: files,
+            provenance,
+        }
+    }
+
     /// Creates a table with its files.
     pub fn table(table: Table) -> ReportItem {
         let extra = vec![

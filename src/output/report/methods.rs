@@ -1,7 +1,7 @@
 //! Methods paragraph for a paper: how the numbers were obtained.
 
 use super::cite;
-use super::item::{ItemKind, ReportItem};
+use super::item::ReportItem;
 use super::study::{Member, Study};
 use crate::experiment::night_results::{NightResults, ReferenceOrigin, RunState};
 use crate::output::provenance::Provenance;
@@ -27,26 +27,13 @@ pub fn items(study: &Study) -> [ReportItem; 2] {
     // The text first: a night has hundreds of runs.
     let tex = format!("{tex}{}", provenance.comment("% "));
     let cited = cite::bibliography(sentences.iter().map(String::as_str));
-    let item = |stem: &str, title: &str, caption: String, extra| ReportItem {
-        kind: ItemKind::Data,
-        section: String::new(),
-        stem: stem.to_owned(),
-        title: title.to_owned(),
-        caption,
-        svg: None,
-        table: None,
-        extra,
-        provenance: provenance.clone(),
-    };
     let texts = vec![("md", markdown.into_bytes()), ("tex", tex.into_bytes())];
+    let works = vec![("bib", cited.into_bytes())];
+    let about = "Works that the methods cite, as BibTeX.".to_owned();
+    let methods = sentences.join(" ");
     [
-        item("methods", "Methods", sentences.join(" "), texts),
-        item(
-            "references",
-            "References",
-            "Works that the methods cite, as BibTeX.".to_owned(),
-            vec![("bib", cited.into_bytes())],
-        ),
+        ReportItem::data("methods", "Methods", methods, texts, provenance.clone()),
+        ReportItem::data("references", "References", about, works, provenance),
     ]
 }
 

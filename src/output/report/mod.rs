@@ -1,11 +1,11 @@
-//! Reports of one or several nights: figures, tables and data, computed from the nights' folders
-//! without
-//! rendering.
+//! Reports of one or several nights: figures, tables and data, computed from the nights' results
+//! without rendering.
 //!
 //! A [`Study`] groups the runs of all nights. Each other module makes one kind of [`ReportItem`]
-//! from it. Pictures are read through the callback [`Pictures`], since nothing in this module
+//! from it; [`requested`] makes what a script requests of its own night. Pictures are read through the callback [`Pictures`], since nothing in this module
 //! accesses the disk.
 
+mod bias;
 mod cite;
 mod convergence;
 mod crops;
@@ -16,6 +16,7 @@ mod methods;
 mod page;
 mod pgfplots;
 mod presentation;
+pub mod requested;
 pub(super) mod series;
 mod snapshots;
 pub(super) mod study;

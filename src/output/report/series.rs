@@ -13,6 +13,8 @@ pub struct Series {
     pub label: String,
     /// The label without names of axes, such as `power`, for narrow places.
     pub short_label: String,
+    /// Values of the compared axes.
+    pub values: Vec<String>,
     /// Colour that the script gives to it.
     pub colour: Option<Colour>,
     /// Group of series of the same night and device, named after the night or the device. Empty if
@@ -60,6 +62,7 @@ mod tests {
         let mut series = Series {
             label: "technique = bdpt".to_owned(),
             short_label: "bdpt".to_owned(),
+            values: vec!["bdpt".to_owned()],
             colour: None,
             group: String::new(),
             device: None,

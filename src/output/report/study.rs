@@ -1,15 +1,17 @@
 //! Groups the runs of nights into a study: repeats, compared series, and facets in separate panels.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use super::ReportError;
-use super::series::{BIASED, Series};
-use crate::experiment::night_results::{NightResults, RunResult, biased_reference};
+use super::series::Series;
+use crate::experiment::WaveRow;
+use crate::experiment::night_results::{NightResults, RunResult};
+use crate::experiment::spec::TableValue;
 use crate::output::dependent_axes;
 use crate::output::format;
+use crate::output::quantity::{self, RunValue};
 use lumbre_light::transport::integrator::canonical_name;
 use lumbre_metrics::{Better, MetricSpec};
-use lumbre_render::denoise;
 
 /// Options of a report. All have defaults that suit most nights.
 #[derive(Clone, Debug, Default)]
@@ -52,7 +54,7 @@ pub struct Member<'a> {
 impl Member<'_> {
     /// Returns the value of metric `metric` of the study in a row, or `None` if it was not
     /// measured.
-    pub fn value(&self, row: &crate::experiment::WaveRow, metric: usize) -> Option<f64> {
+    pub fn value(&self, row: &WaveRow, metric: usize) -> Option<f64> {
         row.metrics.get(self.metric_indices[metric]).copied()
     }
 }
@@ -96,24 +98,10 @@ impl<'a> Study<'a> {
     ) -> Result<Study<'a>, ReportError> {
         let first = nights.first().ok_or(ReportError::Nothing)?;
         let (by, facet_axes) = chosen_axes(nights, options)?;
-        let devices = all_devices(nights, options)?;
-        let names = names(nights, &devices, options);
-        let mut study = Study {
-            nights,
-            metrics: Vec::new(),
-            series: Vec::new(),
-            facets: Vec::new(),
-            devices,
-            names,
-            notes: nights
-                .iter()
-                .flat_map(|night| night.notes.iter().cloned())
-                .collect(),
-            metric_indices: Vec::new(),
-            members: BTreeMap::new(),
-            by,
-            facet_axes,
-        };
+        let mut study = Study::ungrouped(nights, by, facet_axes);
+        study.devices = all_devices(nights, options)?;
+        study.names = names(nights, &study.devices, options);
+        study.notes = nights.iter().flat_map(|n| n.notes.clone()).collect();
         study.keep_common_metrics(first);
         let single = options
             .by
@@ -123,27 +111,51 @@ impl<'a> Study<'a> {
             .map(|axis| format!("nothing is compared by `{axis}`: it has a single value"))
             .collect();
         study.notes.extend(notes);
-        study.group_runs();
+        study.group_runs(true);
         Ok(study)
+    }
+
+    /// Groups the runs of one night by some axes, and not by device.
+    pub fn of_night(night: &'a NightResults, by: &[String], facet_axes: &[String]) -> Study<'a> {
+        let nights = std::slice::from_ref(night);
+        let mut study = Study::ungrouped(nights, by.to_vec(), facet_axes.to_vec());
+        study.keep_common_metrics(night);
+        study.group_runs(false);
+        study
     }
 
     /// Groups the runs of the same nights by other axes.
     pub fn regrouped(&self, by: Vec<String>, facet_axes: Vec<String>) -> Study<'a> {
         let mut study = Study {
-            nights: self.nights,
             metrics: self.metrics.clone(),
-            by,
-            facet_axes,
-            series: Vec::new(),
-            facets: Vec::new(),
             devices: self.devices.clone(),
             names: self.names.clone(),
-            notes: Vec::new(),
             metric_indices: self.metric_indices.clone(),
-            members: BTreeMap::new(),
+            ..Study::ungrouped(self.nights, by, facet_axes)
         };
-        study.group_runs();
+        study.group_runs(true);
         study
+    }
+
+    /// Creates a study without groups and metrics.
+    fn ungrouped(
+        nights: &'a [NightResults],
+        by: Vec<String>,
+        facet_axes: Vec<String>,
+    ) -> Study<'a> {
+        Study {
+            nights,
+            by,
+            facet_axes,
+            metrics: Vec::new(),
+            series: Vec::new(),
+            facets: Vec::new(),
+            devices: Vec::new(),
+            names: Vec::new(),
+            notes: Vec::new(),
+            metric_indices: Vec::new(),
+            members: BTreeMap::new(),
+        }
     }
 
     /// Returns the distinct axes of all nights, in order.
@@ -197,19 +209,22 @@ impl<'a> Study<'a> {
         self.metric_indices = self.nights.iter().map(indices).collect();
     }
 
-    /// Assigns every run to a facet and a series.
-    fn group_runs(&mut self) {
+    /// Assigns every run to a facet and a series. `by_device` is whether runs on different devices
+    /// belong to different series.
+    fn group_runs(&mut self, by_device: bool) {
+        let mut same_group: BTreeMap<[Vec<String>; 2], Vec<usize>> = BTreeMap::new();
+        let mut facets: BTreeMap<Vec<String>, usize> = BTreeMap::new();
         let integrator_axes: Vec<bool> = self
             .by
             .iter()
             .map(|axis| is_integrator_axis(self.nights, axis))
             .collect();
         for (n, night) in self.nights.iter().enumerate() {
-            let several_devices = night.devices().len() > 1;
+            let several_devices = by_device && night.devices().len() > 1;
             let mut others = night.runs.iter().skip(1);
             let mixed = others.any(|run| run.integrator != night.runs[0].integrator);
             for (r, run) in night.runs.iter().enumerate() {
-                let device = run.device.clone();
+                let device = run.device.clone().filter(|_| by_device);
                 let mut group: Vec<String> = Vec::new();
                 if self.nights.len() > 1 {
                     group.push(self.names[n].clone());
@@ -221,16 +236,27 @@ impl<'a> Study<'a> {
                 let names_device = device.as_ref().is_some_and(|device| group.contains(device));
                 let ([label, short_label], long) =
                     self.series_label(night, run, &integrator_axes, mixed);
-                let series = self.find_or_add_series(Series {
-                    label,
-                    short_label,
-                    colour: self.series_colour(night, run),
-                    group: group.join(", "),
-                    device,
-                    names_device,
-                    long,
+                let values = run.axis_values(&self.by);
+                let group = group.join(", ");
+                let key = [values.clone(), vec![label.clone(), group.clone()]];
+                let series = self.find_or_add_series(
+                    Series {
+                        label,
+                        short_label,
+                        values,
+                        colour: self.series_colour(night, run),
+                        group,
+                        device,
+                        names_device,
+                        long,
+                    },
+                    same_group.entry(key).or_default(),
+                );
+                let facet = run.axis_values(&self.facet_axes);
+                let facet = *facets.entry(facet).or_insert_with_key(|facet| {
+                    self.facets.push(facet.clone());
+                    self.facets.len() - 1
                 });
-                let facet = self.find_or_add_facet(run);
                 self.members
                     .entry((facet, series))
                     .or_default()
@@ -239,36 +265,6 @@ impl<'a> Study<'a> {
         }
         self.sort_series();
         self.mark_biased_series();
-    }
-
-    /// Marks the labels of the series whose pictures are all denoised.
-    fn mark_biased_series(&mut self) {
-        for series in 0..self.series.len() {
-            let mut members = (0..self.facets.len()).flat_map(|facet| self.members(facet, series));
-            if members.all(|m| m.run.denoise.is_some()) {
-                self.series[series].label += BIASED;
-                self.series[series].short_label += BIASED;
-            }
-        }
-    }
-
-    /// Returns sentences for captions on what is biased: denoised pictures, and references.
-    pub fn bias_sentences(&self) -> impl Iterator<Item = String> {
-        let denoised = self.is_denoised().then(|| denoise::BIAS.to_owned());
-        denoised.into_iter().chain(self.biased_references())
-    }
-
-    /// Returns whether pictures of the study are denoised.
-    pub fn is_denoised(&self) -> bool {
-        self.all().any(|m| m.run.denoise.is_some())
-    }
-
-    /// Returns a sentence for each biased technique of references.
-    pub fn biased_references(&self) -> Vec<String> {
-        let nights = self.nights.iter();
-        let biased: BTreeSet<_> = nights.flat_map(|n| n.biased_references()).collect();
-        let sentence = |biased| format!("Warning: {}.", biased_reference(biased));
-        biased.into_iter().map(sentence).collect()
     }
 
     /// Returns the label of a run's series with and without names of axes, and the long name if the
@@ -304,17 +300,16 @@ impl<'a> Study<'a> {
         (labels, long)
     }
 
-    /// Returns the index of a series. Runs that have not finished have no known device; they join
-    /// the series of the same label and group.
-    fn find_or_add_series(&mut self, series: Series) -> usize {
-        let is_same = |s: &Series| {
-            let devices = (s.device.as_ref(), series.device.as_ref());
-            s.label == series.label
-                && s.group == series.group
-                && (devices.0 == devices.1 || devices.0.is_none() || devices.1.is_none())
+    /// Returns the index of a series, given those of the same values, label and group. Runs that
+    /// have not finished have no known device; they join any of them.
+    fn find_or_add_series(&mut self, series: Series, same_group: &mut Vec<usize>) -> usize {
+        let is_same = |s: &&usize| {
+            let devices = (self.series[**s].device.as_ref(), series.device.as_ref());
+            devices.0 == devices.1 || devices.0.is_none() || devices.1.is_none()
         };
-        let Some(index) = self.series.iter().position(is_same) else {
+        let Some(index) = same_group.iter().find(is_same).copied() else {
             self.series.push(series);
+            same_group.push(self.series.len() - 1);
             return self.series.len() - 1;
         };
         if self.series[index].device.is_none() {
@@ -322,21 +317,6 @@ impl<'a> Study<'a> {
             self.series[index].names_device = series.names_device;
         }
         index
-    }
-
-    fn find_or_add_facet(&mut self, run: &RunResult) -> usize {
-        let facet: Vec<String> = self
-            .facet_axes
-            .iter()
-            .map(|axis| run.axis_value(axis).unwrap_or_else(|| "–".to_owned()))
-            .collect();
-        self.facets
-            .iter()
-            .position(|known| *known == facet)
-            .unwrap_or_else(|| {
-                self.facets.push(facet);
-                self.facets.len() - 1
-            })
     }
 
     /// Orders the series so that those of one group are adjacent, as columns of one device.
@@ -378,6 +358,13 @@ impl<'a> Study<'a> {
             .collect()
     }
 
+    /// Returns the finished runs of a series in a facet, with repeats in order.
+    pub fn finished(&'a self, facet: usize, series: usize) -> Vec<Member<'a>> {
+        let mut members = self.members(facet, series);
+        members.retain(|member| member.run.is_done());
+        members
+    }
+
     /// Returns every run of all nights.
     pub fn all(&'a self) -> impl Iterator<Item = Member<'a>> {
         self.nights
@@ -390,6 +377,12 @@ impl<'a> Study<'a> {
                     metric_indices,
                 })
             })
+    }
+
+    /// Returns the value of a run at its last measurement, or `None` if it has no such value.
+    pub fn run_value(&self, value: &TableValue, member: &Member) -> Option<RunValue> {
+        let metric = |row: &WaveRow, index: usize| member.value(row, index);
+        quantity::run_value(&self.metrics, value, member.run, metric)
     }
 
     /// Returns the metric of comparisons at equal error and of the numbers below crops: the first
@@ -464,7 +457,7 @@ impl<'a> Study<'a> {
 }
 
 /// Returns whether an axis selects the integrator of all runs.
-fn is_integrator_axis(nights: &[NightResults], axis: &str) -> bool {
+pub(super) fn is_integrator_axis(nights: &[NightResults], axis: &str) -> bool {
     let mut runs = nights.iter().flat_map(|n| &n.runs);
     runs.all(|run| {
         let value = run.axis_value(axis);

@@ -2,11 +2,11 @@
 //! acceleration structures.
 
 use super::ReportError;
-use super::convergence::{mean_name, provenance, separate_devices};
-use super::item::{ItemKind, ReportItem};
+use super::convergence::{mean_and_band, mean_name, provenance, separate_devices};
+use super::item::ReportItem;
 use super::pgfplots::PgfFigure;
 use super::study::{Member, ReportOptions, Study};
-use crate::experiment::spec::RunColumn;
+use crate::experiment::spec::{RunColumn, TableValue};
 use crate::output::dependent_axes;
 use crate::output::format;
 use crate::output::metric_display::MetricDisplay;
@@ -14,48 +14,43 @@ use crate::output::plot::axis::{Axis, Scale};
 use crate::output::plot::draw::draw;
 use crate::output::plot::figure::{Figure, Line, Panel, covered};
 use crate::output::plot::sizes::MOST_PANELS;
+use crate::output::quantity::{self, Bound, RunValue};
 use crate::output::repeats::{Band, BandKind, Spread};
-use lumbre_render::OpenStats;
+use lumbre_metrics::MetricSpec;
 
 /// Minimum number of different numbers on an axis for a figure that was not requested.
 const FEWEST: usize = 3;
 
-/// Value of a run that is drawn.
-enum SweepQuantity {
-    /// Final value of a metric, as index into the study's metrics.
-    Metric(usize),
-    /// Quantity that every run has.
-    Run(RunColumn),
+/// Returns axis label and description of a quantity.
+fn describe(study: &Study, quantity: &TableValue) -> (String, String) {
+    match metric(study, quantity) {
+        Some(spec) => {
+            let label = MetricDisplay::for_metric(spec).label(spec);
+            let description = format::metric_description(spec);
+            (
+                format::with_unit(&label, &spec.unit()),
+                format!("{description} at the end of each run"),
+            )
+        }
+        None => (
+            quantity::label(&study.metrics, quantity),
+            quantity::title(&study.metrics, quantity),
+        ),
+    }
 }
 
-impl SweepQuantity {
-    /// Returns column name, axis label and description of the quantity.
-    fn describe(&self, study: &Study) -> (String, String, String) {
-        match self {
-            SweepQuantity::Metric(metric) => {
-                let spec = &study.metrics[*metric];
-                let display = MetricDisplay::for_metric(spec);
-                let description = format::metric_description(spec);
-                (
-                    spec.column.clone(),
-                    format::with_unit(&display.label(spec), &spec.unit()),
-                    format!("{description} at the end of each run"),
-                )
-            }
-            SweepQuantity::Run(column) => {
-                let row = column.row();
-                let [name, label, description] =
-                    [row.name, row.label, row.description].map(str::to_owned);
-                (name, label, description)
-            }
-        }
+/// Returns the metric whose final value a quantity is.
+fn metric<'a>(study: &'a Study, quantity: &TableValue) -> Option<&'a MetricSpec> {
+    match quantity {
+        TableValue::Metric(column) => Some(format::column(&study.metrics, column)?.1),
+        _ => None,
     }
 }
 
 /// The swept axis with its values.
-struct SweepAxis<'a> {
+pub(super) struct SweepAxis<'a> {
     name: &'a str,
-    values: Vec<String>,
+    pub(super) values: Vec<String>,
     /// Values as numbers, if all are finite numbers. Otherwise each value is drawn at its index.
     numbers: Option<Vec<f64>>,
     /// Axes that are determined by this one. They do not distinguish lines.
@@ -63,17 +58,10 @@ struct SweepAxis<'a> {
 }
 
 impl<'a> SweepAxis<'a> {
-    fn new(study: &Study, name: &'a str) -> SweepAxis<'a> {
-        let values = study.values(name);
+    pub(super) fn new(name: &'a str, values: Vec<String>, dependent: Vec<String>) -> SweepAxis<'a> {
         let numbers = values
             .iter()
             .map(|v| v.parse().ok().filter(|x: &f64| x.is_finite()))
-            .collect();
-        let dependent = study
-            .axes()
-            .into_iter()
-            .filter(|axis| axis != name && study.values(axis).len() > 1)
-            .filter(|axis| study.is_determined_by(axis, name))
             .collect();
         SweepAxis {
             name,
@@ -96,7 +84,7 @@ impl<'a> SweepAxis<'a> {
         })
     }
 
-    fn axis(&self) -> Option<Axis> {
+    pub(super) fn axis(&self) -> Option<Axis> {
         let Some(numbers) = &self.numbers else {
             return Axis::named(&self.values);
         };
@@ -135,7 +123,11 @@ pub fn all(
         if !requested && !options.sweep.is_empty() {
             continue;
         }
-        let axis = SweepAxis::new(study, name);
+        let dependent = axes
+            .iter()
+            .filter(|axis| *axis != name && study.values(axis).len() > 1)
+            .filter(|axis| study.is_determined_by(axis, name));
+        let axis = SweepAxis::new(name, study.values(name), dependent.cloned().collect());
         if requested && axis.values.len() < 2 {
             notes.push(format!(
                 "nothing is drawn over `{name}`: it has a single value"
@@ -189,10 +181,11 @@ fn axis_figures(
         by.extend(facet.pop());
     }
     let regrouped = study.regrouped(by, facet);
-    let mut quantities: Vec<SweepQuantity> = (0..study.metrics.len())
-        .map(SweepQuantity::Metric)
+    let metrics = study.metrics.iter();
+    let mut quantities: Vec<TableValue> = metrics
+        .map(|spec| TableValue::Metric(spec.column.clone()))
         .collect();
-    quantities.push(SweepQuantity::Run(RunColumn::MpathsPerS));
+    quantities.push(TableValue::Run(RunColumn::MpathsPerS));
     if structures_vary(&regrouped) {
         let values = [
             RunColumn::AccelBuildS,
@@ -200,7 +193,7 @@ fn axis_figures(
             RunColumn::AccelMib,
             RunColumn::AccelCost,
         ];
-        quantities.extend(values.map(SweepQuantity::Run));
+        quantities.extend(values.map(TableValue::Run));
     }
     quantities
         .iter()
@@ -211,9 +204,8 @@ fn axis_figures(
 /// Returns whether the acceleration structures of any series vary within a facet.
 fn structures_vary(study: &Study) -> bool {
     let size = |m: Member| {
-        m.run
-            .accel
-            .map(|(_, nodes)| (nodes, m.run.accel_size.map(|(bytes, _)| bytes)))
+        let open = m.run.open.as_ref()?;
+        Some((open.accel_nodes, open.accel_bytes))
     };
     let varies = |(facet, series)| {
         let mut all = study.members(facet, series).into_iter().filter_map(size);
@@ -226,9 +218,9 @@ fn structures_vary(study: &Study) -> bool {
 
 /// Draws the figures of one quantity: pages of panels, and for times separate figures for each
 /// device of a night.
-fn figures(study: &Study, over: &SweepAxis, quantity: &SweepQuantity) -> Vec<ReportItem> {
-    let timed = matches!(quantity, SweepQuantity::Run(value) if value.row().is_clock);
-    let scale = scale(study, quantity);
+fn figures(study: &Study, over: &SweepAxis, quantity: &TableValue) -> Vec<ReportItem> {
+    let timed = quantity.is_clock();
+    let scale = scale(study, quantity, study.all());
     let mut items = Vec::new();
     for device_index in separate_devices(study, timed) {
         let device = device_index.map(|i| study.devices[i].as_str());
@@ -265,29 +257,26 @@ fn figures(study: &Study, over: &SweepAxis, quantity: &SweepQuantity) -> Vec<Rep
 fn item(
     study: &Study,
     over: &SweepAxis,
-    quantity: &SweepQuantity,
+    quantity: &TableValue,
     facets: &[usize],
     panels: Vec<Panel>,
     (scale, suffix): (Scale, &str),
     device: Option<&str>,
 ) -> ReportItem {
-    let (column, label, description) = quantity.describe(study);
+    let (column, (label, description)) = (quantity.name(), describe(study, quantity));
     let title = format!("{label} over {}", over.name);
     let mut caption = format!("{description}, over {}.", over.name);
     if let Some(change) = dependent_axes::change_phrase(&over.dependent) {
         caption += &format!(" With it, {change}.");
     }
     caption += &averaging(study, &panels, scale);
-    match (quantity, device) {
-        (_, Some(device)) => caption += &format!(" Only runs on {device}."),
-        (SweepQuantity::Run(value), None) if value.row().is_clock => {
-            if let Some(sentence) = study.device_sentence("Measured") {
-                caption += &format!(" {sentence}");
-            }
-        }
-        _ => {}
-    }
-    for sentence in study.bias_sentences() {
+    let on_device = match device {
+        Some(device) => Some(format!("Only runs on {device}.")),
+        None => study
+            .device_sentence("Measured")
+            .filter(|_| quantity.is_clock()),
+    };
+    for sentence in on_device.into_iter().chain(study.bias_sentences()) {
         caption += &format!(" {sentence}");
     }
     let provenance = provenance(study, facets);
@@ -307,83 +296,66 @@ fn item(
         scales: [over.scale(), scale],
     };
     let extra = latex.files(&stem, &caption, &provenance);
+    let section = format!("Final values over {}", over.name);
+    let svg = draw(&figure);
     ReportItem {
-        kind: ItemKind::Figure,
-        section: format!("Final values over {}", over.name),
-        stem,
-        title,
-        caption,
-        svg: Some(draw(&figure)),
-        table: None,
         extra,
-        provenance,
+        ..ReportItem::figure(&section, stem, title, caption, svg, provenance)
     }
 }
 
 /// Describes what the lines average and what the bands show, with a leading space.
 fn averaging(study: &Study, panels: &[Panel], scale: Scale) -> String {
-    let kinds = || {
-        panels
-            .iter()
-            .flat_map(|p| &p.lines)
-            .filter_map(|line| line.band.as_ref())
-            .map(|band| band.kind)
-    };
-    let mean = mean_name(scale);
     let repeated = study.all().any(|m| m.run.repeat > 0);
-    let mut text = match kinds().max() {
-        Some(BandKind::Confidence) => {
-            format!(" {mean} of repeats. Band: 95 % confidence interval of the mean (Student's t).")
-        }
-        Some(BandKind::Range) => format!(" {mean} of repeats. Band: range of the two repeats."),
-        _ if repeated => format!(" {mean} of repeats."),
-        _ => " One run each.".to_owned(),
+    let mut text = match mean_and_band(scale, panels, "repeats") {
+        Some(text) => format!(" {text}"),
+        None if repeated => format!(" {} of repeats.", mean_name(scale)),
+        None => " One run each.".to_owned(),
     };
-    if repeated && kinds().any(|kind| kind == BandKind::Single) {
+    let mut lines = panels.iter().flat_map(|panel| &panel.lines);
+    let is_single = |line: &Line| {
+        line.band
+            .as_ref()
+            .is_some_and(|b| b.kind == BandKind::Single)
+    };
+    if repeated && lines.any(is_single) {
         text += " Lines with a single run at any point have no band.";
     }
     text
 }
 
-/// Returns the drawn value of a finished run.
-fn value(study: &Study, quantity: &SweepQuantity, member: &Member) -> Option<f64> {
-    let last = member.run.rows.last().filter(|_| member.run.is_done())?;
-    match quantity {
-        SweepQuantity::Metric(metric) => {
-            let display = MetricDisplay::for_metric(&study.metrics[*metric]);
-            display.drawn_value(member.value(last, *metric)?)
-        }
-        SweepQuantity::Run(value) => {
-            let (accel_build_s, accel_nodes) = member.run.accel.unwrap_or_default();
-            let (accel_bytes, accel_cost) = member.run.accel_size.unwrap_or_default();
-            let open = OpenStats {
-                accel_build_s,
-                accel_nodes,
-                accel_bytes,
-                accel_cost,
-                ..OpenStats::default()
-            };
-            (value.row().value)(last, &open).filter(|x| x.is_finite())
-        }
+/// Returns the drawn value of a finished run; `None` if it has none that the axis accepts, or only a
+/// bound.
+fn drawn_value(study: &Study, quantity: &TableValue, member: &Member) -> Option<f64> {
+    let value = study.run_value(quantity, member);
+    let RunValue { number, .. } = value.filter(|value| value.bound == Bound::Exact)?;
+    match metric(study, quantity) {
+        Some(spec) => MetricDisplay::for_metric(spec).drawn_value(number),
+        None => Some(number).filter(|x| x.is_finite()),
     }
 }
 
 /// Returns the values that were measured independently. Runs of a night share hierarchies, so build
 /// times that are equal to the bit are one measurement.
-fn measurements(quantity: &SweepQuantity, mut values: Vec<f64>) -> Vec<f64> {
-    if let SweepQuantity::Run(RunColumn::AccelBuildS) = quantity {
+fn measurements(quantity: &TableValue, mut values: Vec<f64>) -> Vec<f64> {
+    if let TableValue::Run(RunColumn::AccelBuildS) = quantity {
         values.sort_by(f64::total_cmp);
         values.dedup();
     }
     values
 }
 
-/// Returns the vertical scale of all panels.
-fn scale(study: &Study, quantity: &SweepQuantity) -> Scale {
-    match quantity {
-        SweepQuantity::Metric(metric) => MetricDisplay::for_metric(&study.metrics[*metric]).scale,
-        SweepQuantity::Run(_) => {
-            Scale::for_values(study.all().filter_map(|m| value(study, quantity, &m)))
+/// Returns the scale of the vertical axis of some runs.
+pub(super) fn scale<'a>(
+    study: &Study,
+    quantity: &TableValue,
+    members: impl Iterator<Item = Member<'a>>,
+) -> Scale {
+    match metric(study, quantity) {
+        Some(spec) => MetricDisplay::for_metric(spec).scale,
+        None => {
+            let finished = members.filter(|m| m.run.is_done());
+            Scale::for_values(finished.filter_map(|m| drawn_value(study, quantity, &m)))
         }
     }
 }
@@ -392,7 +364,7 @@ fn scale(study: &Study, quantity: &SweepQuantity) -> Scale {
 fn panel(
     study: &Study,
     over: &SweepAxis,
-    quantity: &SweepQuantity,
+    quantity: &TableValue,
     (facet, scale): (usize, Scale),
     device: Option<&str>,
 ) -> Option<Panel> {
@@ -400,7 +372,8 @@ fn panel(
         .filter(|series| device.is_none() || study.series[*series].device.as_deref() == device)
         .filter_map(|series| {
             let members = study.members(facet, series);
-            let band = sweep_band(study, over, quantity, &members, scale)?;
+            let mut points = sweep_points(study, over, quantity, &members, scale);
+            let band = sweep_band(over, &mut points)?;
             Some(Line::of_values(series, band))
         })
         .collect();
@@ -413,52 +386,64 @@ fn panel(
         .zip(Axis::new(scale, covered(&lines, None, scale)));
     Some(Panel {
         heading: study.facet_label(facet),
-        y_label: quantity.describe(study).1,
+        y_label: describe(study, quantity).0,
         axes,
         lines,
         floor: None,
     })
 }
 
-/// Averages the repeats of a series at each value of the axis. A value where any repeat has no
-/// drawable value has no point, since the mean of the others would be biased. Returns `None` if
-/// there are no points.
-fn sweep_band(
+/// A point of a line.
+pub(super) struct SweepPoint {
+    /// Index of the value on the swept axis.
+    pub(super) value: usize,
+    pub(super) spread: Spread,
+    /// Number of measurements.
+    pub(super) runs: usize,
+}
+
+/// Averages the repeats of a line at each value of the axis. A value where any repeat has no
+/// drawable value has no point, since the mean of the others would be biased.
+pub(super) fn sweep_points(
     study: &Study,
     over: &SweepAxis,
-    quantity: &SweepQuantity,
+    quantity: &TableValue,
     members: &[Member],
     scale: Scale,
-) -> Option<Band> {
-    let mut points: Vec<(f64, Spread)> = Vec::new();
-    let mut fewest = usize::MAX;
-    for (index, text) in over.values.iter().enumerate() {
-        let repeats = members
-            .iter()
-            .filter(|m| m.run.axis_value(over.name).as_ref() == Some(text));
-        let values: Option<Vec<f64>> = repeats
-            .filter(|m| m.run.is_done())
-            .map(|m| value(study, quantity, m))
-            .collect();
-        let values = values.map(|values| measurements(quantity, values));
-        if let Some((count, spread)) =
-            values.and_then(|v| Some((v.len(), Spread::from_values(scale, &v)?)))
-        {
-            fewest = fewest.min(count);
-            points.push((over.x(index), spread));
-        }
+) -> Vec<SweepPoint> {
+    let mut finals: Vec<Option<Vec<f64>>> = vec![Some(Vec::new()); over.values.len()];
+    for member in members.iter().filter(|m| m.run.is_done()) {
+        let value = member.run.axis_value(over.name);
+        let Some(index) = over.values.iter().position(|v| Some(v) == value.as_ref()) else {
+            continue;
+        };
+        let drawn = drawn_value(study, quantity, member);
+        finals[index] = finals[index].take().zip(drawn).map(|(mut values, drawn)| {
+            values.push(drawn);
+            values
+        });
     }
-    if points.is_empty() {
-        return None;
-    }
-    points.sort_by(|a, b| a.0.total_cmp(&b.0));
-    // A line with a single run at any point has no band, since its mean there would look exact.
-    let kind = BandKind::for_runs(fewest);
-    let ends = if kind == BandKind::Single {
-        Vec::new()
-    } else {
-        points.iter().map(|(_, s)| s.ends).collect()
+    let point = |(value, finals): (usize, Option<Vec<f64>>)| {
+        let values = measurements(quantity, finals?);
+        Some(SweepPoint {
+            value,
+            spread: Spread::from_values(scale, &values)?,
+            runs: values.len(),
+        })
     };
-    let mean = points.iter().map(|(x, spread)| (*x, spread.mean)).collect();
-    Some(Band { mean, ends, kind })
+    finals.into_iter().enumerate().filter_map(point).collect()
+}
+
+/// Sorts the points of a line along the axis and returns its band, or `None` if there are no points.
+pub(super) fn sweep_band(over: &SweepAxis, points: &mut [SweepPoint]) -> Option<Band> {
+    points.sort_by(|a, b| over.x(a.value).total_cmp(&over.x(b.value)));
+    // A line with a single run at any point has no band, since its mean there would look exact.
+    let kind = BandKind::for_runs(points.iter().map(|point| point.runs).min()?);
+    let ends = points.iter().map(|point| point.spread.ends);
+    let mean = |point: &SweepPoint| (over.x(point.value), point.spread.mean);
+    Some(Band {
+        mean: points.iter().map(mean).collect(),
+        ends: ends.filter(|_| kind != BandKind::Single).collect(),
+        kind,
+    })
 }

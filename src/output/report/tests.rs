@@ -1,11 +1,13 @@
 //! Reports of hand-made nights.
 
+mod means;
 mod presentation;
 mod sweep;
 mod verdict;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::*;
 use crate::experiment::WaveRow;
@@ -14,6 +16,7 @@ use crate::experiment::night_results::{
 };
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
+use lumbre_render::OpenStats;
 
 /// Builds a night of two scenes and two techniques with three repeats on one device. Errors fall
 /// with the square root of the samples. `nee` has half the error of `bpt` at equal samples and
@@ -95,25 +98,28 @@ fn run(
         repeat,
         seed: 100 + repeat,
         integrator: technique.to_owned(),
-        denoise: None,
         scene: format!("{scene}.scn"),
         max_depth: Some(5),
         resolution: Some([40, 30]),
         device: Some(device.to_owned()),
         lanes: Some(16),
         lost_share: Some(0.0),
-        peer: None,
         state: RunState::Done("128 samples per pixel".to_owned()),
-        rows: rows.collect(),
+        rows: Arc::new(rows.collect()),
         reference: Some(0),
         pictures: [16, 64, 128]
             .map(|n| (n, PathBuf::from(format!("{technique}-{n}.exr"))))
             .to_vec(),
-        films: Vec::new(),
-        accel: Some((0.0021, 77)),
-        accel_size: Some((4096, 9.5)),
+        open: Some(OpenStats {
+            accel_build_s: 0.0021,
+            accel_nodes: 77,
+            accel_bytes: 4096,
+            accel_cost: 9.5,
+            ..OpenStats::default()
+        }),
         floors: vec![("rmse".to_owned(), 0.004)],
         id,
+        ..RunResult::default()
     }
 }
 
@@ -434,7 +440,7 @@ fn a_running_night_has_a_report_of_its_measurements() {
     let mut running = night("Sample GPU", 1.0);
     for run in running.runs.iter_mut().skip(7) {
         run.state = RunState::Pending;
-        (run.rows, run.device) = (Vec::new(), None);
+        (run.rows, run.device) = (Arc::default(), None);
     }
     running.runs[6].state = RunState::Unfinished;
     (running.runs[6].device, running.runs[6].pictures) = (None, Vec::new());
@@ -461,7 +467,9 @@ fn a_night_without_references_has_rates_and_a_page() {
     (bare.metrics, bare.references) = (Vec::new(), Vec::new());
     for run in &mut bare.runs {
         run.reference = None;
-        run.rows.iter_mut().for_each(|row| row.metrics.clear());
+        Arc::make_mut(&mut run.rows)
+            .iter_mut()
+            .for_each(|row| row.metrics.clear());
     }
     let made = report(&[bare], &ReportOptions::default());
     assert!(text(&made, "tables/fps-absolute", "md").contains("98.1"));

@@ -1,7 +1,7 @@
 //! Exports all measurements as tidy CSV: one observation per line, one variable per column, units
 //! in the column names.
 
-use super::item::{ItemKind, ReportItem};
+use super::item::ReportItem;
 use super::study::{Member, Study};
 use crate::columns::{
     Column, DATA_ACCEL, DATA_AFTER, DATA_BEFORE, DATA_COLUMNS, DATA_COUNTS, DATA_STATE, DATA_WAVE,
@@ -21,32 +21,25 @@ use crate::text::program;
 pub fn all(study: &Study) -> Vec<ReportItem> {
     let axes = study.axes();
     let provenance = Provenance::from_members(study.all());
-    let item = |name: &str, title: &str, caption: &str, csv: String| ReportItem {
-        kind: ItemKind::Data,
-        section: String::new(),
-        stem: format!("data/{name}"),
-        title: title.to_owned(),
-        caption: caption.to_owned(),
-        svg: None,
-        table: None,
-        extra: vec![("csv", csv.into_bytes())],
-        provenance: provenance.clone(),
+    let item = |stem: &str, title: &str, caption: &str, csv: String| {
+        let files = vec![("csv", csv.into_bytes())];
+        ReportItem::data(stem, title, caption.to_owned(), files, provenance.clone())
     };
     vec![
         item(
-            "runs",
+            "data/runs",
             "All runs",
             "One line for each run of every plan, finished or not.",
             runs(study, &axes),
         ),
         item(
-            "waves",
+            "data/waves",
             "All measurements",
             "One line for each measurement of each run.",
             waves(study, &axes),
         ),
         item(
-            "columns",
+            "data/columns",
             "Columns of the data",
             "Meaning and unit of every column.",
             columns(study, &axes),
@@ -121,15 +114,15 @@ fn runs(study: &Study, axes: &[String]) -> String {
             ),
         }
         fields.push(m.run.lanes.map(|n| n.to_string()).unwrap_or_default());
-        fields.push(m.run.accel.map(|a| exact(a.0)).unwrap_or_default());
-        fields.push(m.run.accel.map(|a| a.1.to_string()).unwrap_or_default());
-        fields.push(
-            m.run
-                .accel_size
-                .map(|a| a.0.to_string())
-                .unwrap_or_default(),
-        );
-        fields.push(m.run.accel_size.map(|a| exact(a.1)).unwrap_or_default());
+        let accel = m.run.open.as_ref().map(|open| {
+            [
+                exact(open.accel_build_s),
+                open.accel_nodes.to_string(),
+                open.accel_bytes.to_string(),
+                exact(open.accel_cost),
+            ]
+        });
+        fields.extend(accel.unwrap_or_default());
         text += &csv_line(&fields);
     }
     text
@@ -142,7 +135,7 @@ fn waves(study: &Study, axes: &[String]) -> String {
     let mut text = header(axes, &rest);
     for m in study.all() {
         let own = keys(&m, axes);
-        for row in &m.run.rows {
+        for row in m.run.rows.iter() {
             let mut fields = own.clone();
             fields.push(row.wave.to_string());
             fields.extend(values(&m, row, study.metrics.len()));

@@ -4,6 +4,7 @@
 use super::Pictures;
 use super::films::{facet_and_series_label, file_suffix, titled};
 use super::item::ReportItem;
+use super::snapshots::read_picture;
 use super::study::{Member, Study};
 use crate::output::format;
 use crate::output::plot::sizes::{FULL, SCREEN};
@@ -41,11 +42,10 @@ pub fn all(
     for facet in 0..study.facets.len() {
         let mut rows: Vec<FrameRow> = Vec::new();
         for series in 0..study.series.len() {
-            let members = study.members(facet, series);
-            let has_frames = |m: &Member| {
-                m.run.is_done() && m.run.films.iter().any(|name| still_length(name).is_some())
-            };
-            let Some(member) = members.into_iter().find(has_frames) else {
+            let has_frames =
+                |m: &Member| m.run.films.iter().any(|name| still_length(name).is_some());
+            let mut finished = study.finished(facet, series).into_iter();
+            let Some(member) = finished.find(has_frames) else {
                 continue;
             };
             let frames = read_frames(&member, pictures, notes);
@@ -82,13 +82,9 @@ fn read_frames(member: &Member, pictures: &Pictures, notes: &mut Vec<String>) ->
     });
     let frame = |i: usize| {
         let (name, length) = stills[i];
-        match pictures(&member.run.folder.join("films").join(format!("{name}.exr"))) {
-            Ok(image) => Some((length, image)),
-            Err(reason) => {
-                notes.push(format!("a frame is left out: {reason}"));
-                None
-            }
-        }
+        let path = member.run.folder.join("films").join(format!("{name}.exr"));
+        let image = read_picture(("a frame", &path), pictures, notes)?;
+        Some((length, image))
     };
     selected.filter_map(frame).collect()
 }

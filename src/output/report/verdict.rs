@@ -1,7 +1,7 @@
 //! The answer of a study in short: which series is best at equal render time, for every facet and
 //! metric, and what weakens the answer. Everything is read from the report's tables.
 
-use super::item::{ItemKind, ReportItem};
+use super::item::ReportItem;
 use super::study::Study;
 use crate::experiment::spec::Order;
 use crate::output::clock;
@@ -12,7 +12,7 @@ use crate::output::plot::axis::Scale;
 use crate::output::provenance::Provenance;
 use crate::output::quantity::Bound;
 use crate::output::table::markdown::markdown_table;
-use crate::output::table::{Table, TableCell};
+use crate::output::table::{Table, TableCell, TableKind};
 use crate::text::visible;
 
 /// Number of repeats below which a test over repeats rarely finds a difference.
@@ -68,8 +68,8 @@ impl Verdict {
         let tables: Vec<&Table> = items.iter().filter_map(|i| i.table.as_deref()).collect();
         let mut verdict = Verdict::default();
         for metric in 0..study.metrics.len() {
-            let name = format!("equal-time-{}", study.metrics[metric].column);
-            let Some(table) = tables.iter().find(|table| table.name == name) else {
+            let kind = TableKind::EqualTime(metric);
+            let Some(table) = tables.iter().find(|table| table.kind == kind) else {
                 continue;
             };
             let columns = columns(study, metric, table);
@@ -116,17 +116,12 @@ impl Verdict {
         let caveats: String = self.caveats.iter().map(|c| format!("- {c}\n")).collect();
         let winners = markdown_table(&header, &rows, 1);
         let text = format!("{sentences}\n\n{winners}\n{EXPLANATION}\n\n{caveats}");
-        Some(ReportItem {
-            kind: ItemKind::Data,
-            section: String::new(),
-            stem: "verdict".to_owned(),
-            title: "Answer".to_owned(),
-            caption: self.sentences.join(" "),
-            svg: None,
-            table: None,
-            extra: vec![("md", text.into_bytes())],
-            provenance: Provenance::from_members(study.all().filter(|m| m.run.is_done())),
-        })
+        let files = vec![("md", text.into_bytes())];
+        let provenance = Provenance::from_members(study.all().filter(|m| m.run.is_done()));
+        let caption = self.sentences.join(" ");
+        Some(ReportItem::data(
+            "verdict", "Answer", caption, files, provenance,
+        ))
     }
 }
 
@@ -271,8 +266,7 @@ fn clocks(study: &Study) -> Vec<String> {
     let series = study.series.iter().enumerate();
     let runs = series.flat_map(|(index, series)| {
         let facets = 0..study.facets.len();
-        let members = facets.flat_map(move |facet| study.members(facet, index));
-        let finished = members.filter(|member| member.run.is_done());
+        let finished = facets.flat_map(move |facet| study.finished(facet, index));
         finished.map(move |member| (series.label.as_str(), member.run.lost_share))
     });
     let orders = study.nights.iter().map(|night| night.order.as_str());
@@ -303,7 +297,7 @@ fn disagreements(study: &Study) -> Vec<String> {
 /// without vectors, and references that are biased or that other techniques contradict.
 fn caveats(study: &Study, tables: &[&Table]) -> Vec<String> {
     let mut caveats = Vec::new();
-    let finals = |table: &&&Table| table.name.starts_with("final-");
+    let finals = |table: &&&Table| matches!(table.kind, TableKind::Final(_));
     let runs = tables
         .iter()
         .filter(finals)
@@ -318,13 +312,12 @@ fn caveats(study: &Study, tables: &[&Table]) -> Vec<String> {
             if least == 1 { "" } else { "s" }
         ));
     }
-    let repeats_another = |table: &Table| {
-        let column = table.name.trim_start_matches("final-");
-        let metric = study.metrics.iter().position(|m| m.column == column);
-        metric.is_some_and(|metric| is_root_of_shown(study, metric))
-    };
-    for table in tables.iter().filter(finals) {
-        if repeats_another(table) {
+    for table in tables {
+        // The noise of a metric that is shown as its root too is stated once.
+        let TableKind::Final(metric) = table.kind else {
+            continue;
+        };
+        if is_root_of_shown(study, metric) {
             continue;
         }
         let (at_floor, all) = count(table, |cell| cell.at_floor);
@@ -338,7 +331,7 @@ fn caveats(study: &Study, tables: &[&Table]) -> Vec<String> {
     }
     for table in tables
         .iter()
-        .filter(|table| table.name.starts_with("time-to-"))
+        .filter(|table| matches!(table.kind, TableKind::TimeTo(_)))
     {
         let (passed, all) = count(table, |cell| cell.bound == Bound::Upper);
         if passed > 0 {

@@ -2,64 +2,56 @@
 
 use std::collections::BTreeMap;
 
+use maud::{Markup, html};
+
 use super::{Table, TableCell};
-use crate::output::plot::svg::escape;
 
 impl Table {
     /// Formats the table as an HTML `table` element. Numbers link to their runs: `run_index` maps
     /// identities of runs to their index in the data of the page.
-    pub fn to_html(&self, run_index: &BTreeMap<&str, usize>) -> String {
-        let mut out = "<table><thead>".to_owned();
-        if self.groups.iter().any(|(group, _)| !group.is_empty()) {
-            out += "<tr>";
-            out += &"<th></th>".repeat(self.label_headers.len());
-            for (group, span) in &self.groups {
-                out += &format!("<th class=\"g\" colspan=\"{span}\">{}</th>", escape(group));
+    pub fn to_html(&self, run_index: &BTreeMap<&str, usize>) -> Markup {
+        html! {
+            table {
+                thead {
+                    @if self.groups.iter().any(|(group, _)| !group.is_empty()) {
+                        tr {
+                            @for _ in &self.label_headers { th {} }
+                            @for (group, span) in &self.groups {
+                                th.g colspan=(span) { (group) }
+                            }
+                        }
+                    }
+                    tr {
+                        @for header in &self.label_headers { th { (header) } }
+                        @for header in &self.columns { th.n { (header) } }
+                    }
+                }
+                tbody {
+                    @for (labels, cells) in &self.rows {
+                        tr {
+                            @for label in labels { td { (label) } }
+                            @for cell in cells { td.n { (self.html_number(cell, run_index)) } }
+                        }
+                    }
+                }
             }
-            out += "</tr>";
         }
-        out += "<tr>";
-        for header in &self.label_headers {
-            out += &format!("<th>{}</th>", escape(header));
-        }
-        for header in &self.columns {
-            out += &format!("<th class=\"n\">{}</th>", escape(header));
-        }
-        out += "</tr></thead><tbody>\n";
-        for (labels, cells) in &self.rows {
-            out += "<tr>";
-            for label in labels {
-                out += &format!("<td>{}</td>", escape(label));
-            }
-            for cell in cells {
-                out += &self.html_cell(cell, run_index);
-            }
-            out += "</tr>\n";
-        }
-        out + "</tbody></table>"
     }
 
     /// Formats a number with a link to its runs.
-    fn html_cell(&self, cell: &TableCell, run_index: &BTreeMap<&str, usize>) -> String {
-        let text = escape(&self.cell(cell));
-        let text = if cell.best {
-            format!("<b>{text}</b>")
-        } else {
-            text
-        };
-        let runs: Vec<String> = cell
-            .run_ids
-            .iter()
-            .filter_map(|id| run_index.get(id.as_str()))
-            .map(usize::to_string)
-            .collect();
-        let text = if runs.is_empty() {
-            text
-        } else {
-            let runs = runs.join(" ");
-            format!("<a href=\"#run-table\" data-runs=\"{runs}\">{text}</a>")
-        };
-        format!("<td class=\"n\">{text}</td>")
+    fn html_number(&self, cell: &TableCell, run_index: &BTreeMap<&str, usize>) -> Markup {
+        let text = self.cell(cell);
+        let number = html! { @if cell.best { b { (text) } } @else { (text) } };
+        let ids = cell.run_ids.iter();
+        let runs = ids.filter_map(|id| run_index.get(id.as_str()));
+        let runs: Vec<String> = runs.map(usize::to_string).collect();
+        html! {
+            @if runs.is_empty() {
+                (number)
+            } @else {
+                a href="#run-table" data-runs=(runs.join(" ")) { (number) }
+            }
+        }
     }
 }
 
@@ -68,13 +60,14 @@ mod tests {
     use std::collections::BTreeMap;
 
     use crate::output::provenance::Provenance;
-    use crate::output::table::{Digits, Table, TableCell};
+    use crate::output::table::{Digits, Table, TableCell, TableKind};
 
     #[test]
     fn names_are_escaped_wherever_a_table_has_them() {
         let name = |place: &str| format!("<{place}> & co");
         let table = Table {
             name: String::new(),
+            kind: TableKind::Other,
             section: String::new(),
             title: String::new(),
             caption: String::new(),
@@ -86,7 +79,7 @@ mod tests {
             digits: Digits::Significant(3),
             provenance: Provenance::default(),
         };
-        let html = table.to_html(&BTreeMap::new());
+        let html = table.to_html(&BTreeMap::new()).into_string();
         for place in ["label header", "group", "column", "label"] {
             let escaped = format!(">&lt;{place}&gt; &amp; co</t");
             assert!(html.contains(&escaped), "{place}: {html}");

@@ -1,8 +1,7 @@
 //! Tables of numbers with their uncertainty, and their writers for Markdown, CSV, LaTeX and HTML.
 //!
-//! A [`Table`] is made by reports, by benchmarks, and, over axes of a script, by [`by_axes`].
+//! A [`Table`] is made by reports and by benchmarks.
 
-pub mod by_axes;
 mod csv;
 mod html;
 mod latex;
@@ -73,11 +72,28 @@ pub struct TableCell {
     pub run_ids: Vec<String>,
 }
 
+/// Subject of a table in a report, by which other code finds it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TableKind {
+    /// Final values of the metric with this index in the study.
+    Final(usize),
+    /// Values of a metric at equal render time.
+    EqualTime(usize),
+    /// Render times to an equal value of a metric.
+    EqualError(usize),
+    /// Render times to a threshold of a metric.
+    TimeTo(usize),
+    /// Any other subject.
+    Other,
+}
+
 /// A table of numbers with labelled rows and columns.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     /// Name of the table's files.
     pub name: String,
+    /// Subject of the table.
+    pub kind: TableKind,
     /// Heading of the page under which it is listed: the metric or the subject.
     pub section: String,
     /// Short title of the table.
@@ -229,6 +245,7 @@ mod tests {
     fn numbers_have_the_digits_that_their_interval_leaves() {
         let table = |digits| Table {
             name: String::new(),
+            kind: TableKind::Other,
             section: String::new(),
             title: String::new(),
             caption: String::new(),

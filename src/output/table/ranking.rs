@@ -32,13 +32,10 @@ impl Ranking {
     pub fn scaled(self, value: f64) -> Option<f64> {
         match self {
             Ranking::Unranked => Some(value),
-            Ranking::LowerError(display) => display.drawn_value(value).map(|drawn| {
-                if display.scale == Scale::Log {
-                    drawn.ln()
-                } else {
-                    drawn
-                }
-            }),
+            Ranking::LowerError(display) => {
+                let drawn = display.drawn_value(value)?;
+                Some(display.scale.scaled(drawn))
+            }
             Ranking::HigherRate | Ranking::ShorterTime => (value > 0.0).then(|| value.ln()),
         }
     }
@@ -47,10 +44,7 @@ impl Ranking {
     fn unscaled(self, scaled: f64) -> f64 {
         match self {
             Ranking::Unranked => scaled,
-            Ranking::LowerError(display) if display.scale == Scale::Log => {
-                display.metric_value(scaled.exp())
-            }
-            Ranking::LowerError(display) => display.metric_value(scaled),
+            Ranking::LowerError(display) => display.metric_value(display.scale.unscaled(scaled)),
             Ranking::HigherRate | Ranking::ShorterTime => scaled.exp(),
         }
     }

@@ -3,6 +3,7 @@
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::evidence::Evidence;
 use super::merged_journal::finished_runs;
@@ -156,8 +157,7 @@ fn run_result(
             Some(lost_s / (results.render_s + lost_s)).filter(|share| share.is_finite())
         }),
         lanes: devices.iter().find_map(|device| device.features.lanes),
-        accel: results.map(|results| (results.open.accel_build_s, results.open.accel_nodes)),
-        accel_size: results.map(|results| (results.open.accel_bytes, results.open.accel_cost)),
+        open: results.map(|results| results.open.stats(devices.clone())),
         reference: cell.reference,
         pictures: if damaged {
             Vec::new()
@@ -183,7 +183,7 @@ fn run_result(
             None if rows.is_empty() => RunState::Pending,
             None => RunState::Unfinished,
         },
-        rows,
+        rows: Arc::new(rows),
         id: cell.run.clone(),
         folder: run.folder().to_owned(),
     }

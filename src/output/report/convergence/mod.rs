@@ -3,9 +3,9 @@
 //!
 //! The module `panel` collects the data.
 
-mod panel;
+pub(super) mod panel;
 
-use super::item::{ItemKind, ReportItem};
+use super::item::ReportItem;
 use super::pgfplots::PgfFigure;
 use super::study::Study;
 use crate::experiment::spec::FigureX;
@@ -114,16 +114,11 @@ impl FigurePage<'_> {
             scales: [Scale::Log, display.scale],
         };
         let extra = latex.files(&stem, &caption, &provenance);
+        let section = format!("Error against {}", x.label);
+        let svg = draw(&figure);
         Some(ReportItem {
-            kind: ItemKind::Figure,
-            section: format!("Error against {}", x.label),
-            stem,
-            title,
-            caption,
-            svg: Some(draw(&figure)),
-            table: None,
             extra,
-            provenance,
+            ..ReportItem::figure(&section, stem, title, caption, svg, provenance)
         })
     }
 }
@@ -196,30 +191,35 @@ fn caption(study: &Study, spec: &MetricSpec, panels: &[Panel], x: FigureX) -> St
 
 /// Describes what the lines average and what the bands show.
 fn averaging(spec: &MetricSpec, panels: &[Panel]) -> String {
-    let bands = || {
+    let lines = || {
         panels
             .iter()
             .flat_map(|p| &p.lines)
-            .filter_map(|l| Some((l.band.as_ref()?, l.curves.len())))
+            .filter(|line| line.band.is_some())
     };
-    let (least, most) = bands()
-        .map(|(_, n)| n)
+    let (least, most) = lines()
+        .map(|line| line.curves.len())
         .fold((usize::MAX, 0), |(a, b), n| (a.min(n), b.max(n)));
-    let count = if least == most {
-        most.to_string()
+    let repeats = if least == most {
+        format!("{most} repeats")
     } else {
-        format!("{least} to {most}")
+        format!("{least} to {most} repeats")
     };
-    let mean = mean_name(MetricDisplay::for_metric(spec).scale);
-    match bands().map(|(band, _)| band.kind).max() {
-        Some(BandKind::Confidence) => format!(
-            "{mean} of {count} repeats. Band: 95 % confidence interval of the mean (Student's t)."
-        ),
-        Some(BandKind::Range) => {
-            format!("{mean} of {count} repeats. Band: range of the two repeats.")
-        }
-        _ => "One run each.".to_owned(),
-    }
+    let scale = MetricDisplay::for_metric(spec).scale;
+    mean_and_band(scale, panels, &repeats).unwrap_or_else(|| "One run each.".to_owned())
+}
+
+/// Describes the mean of some repeats and the widest kind of band of some panels. Returns `None` if
+/// there is no band.
+pub(super) fn mean_and_band(scale: Scale, panels: &[Panel], repeats: &str) -> Option<String> {
+    let lines = panels.iter().flat_map(|panel| &panel.lines);
+    let kinds = lines.filter_map(|line| Some(line.band.as_ref()?.kind));
+    let band = match kinds.max()? {
+        BandKind::Single => return None,
+        BandKind::Range => "range of the two repeats",
+        BandKind::Confidence => "95 % confidence interval of the mean (Student's t)",
+    };
+    Some(format!("{} of {repeats}. Band: {band}.", mean_name(scale)))
 }
 
 /// Returns the name of the mean on an axis, as the beginning of a sentence.

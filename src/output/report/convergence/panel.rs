@@ -20,7 +20,10 @@ pub(super) fn panel(
     let display = MetricDisplay::for_metric(&study.metrics[metric]);
     let mut lines: Vec<Line> = (0..study.series.len())
         .filter(|series| device.is_none() || study.series[*series].device.as_deref() == device)
-        .filter_map(|series| series_line(study, facet, series, metric, x))
+        .filter_map(|series| {
+            let members = study.members(facet, series);
+            line_of_repeats(study, series, &members, metric, x)
+        })
         .collect();
     let highest = lines.iter().filter_map(|l| l.floor).reduce(f64::max);
     let shared_floor = highest.filter(|highest| {
@@ -33,10 +36,7 @@ pub(super) fn panel(
         lines.iter_mut().for_each(|line| line.floor = None);
     }
     let points = lines.iter().flat_map(|l| &l.curves).flat_map(|c| &c.points);
-    let mut x_axis = Axis::new(Scale::Log, points.map(|p| p.0));
-    if let Some(axis) = x_axis.as_mut().filter(|_| x.row().is_whole) {
-        axis.ticks.retain(|(value, _)| value.fract() == 0.0);
-    }
+    let x_axis = x_axis(x, points.map(|p| p.0));
     let y_values = covered(&lines, shared_floor, display.scale);
     let spec = &study.metrics[metric];
     Panel {
@@ -48,16 +48,27 @@ pub(super) fn panel(
     }
 }
 
-/// Collects the line of a series. Returns `None` if nothing was measured.
-fn series_line(
+/// Returns the horizontal axis that covers some values.
+pub(in crate::output::report) fn x_axis(
+    x: FigureX,
+    values: impl Iterator<Item = f64>,
+) -> Option<Axis> {
+    let mut axis = Axis::new(Scale::Log, values)?;
+    if x.row().is_whole {
+        axis.ticks.retain(|(value, _)| value.fract() == 0.0);
+    }
+    Some(axis)
+}
+
+/// Collects the line of some repeats of a series. Returns `None` if nothing was measured.
+pub(in crate::output::report) fn line_of_repeats(
     study: &Study,
-    facet: usize,
     series: usize,
+    members: &[Member],
     metric: usize,
     x: FigureX,
 ) -> Option<Line> {
     let display = MetricDisplay::for_metric(&study.metrics[metric]);
-    let members = study.members(facet, series);
     let curve = |member: &Member| {
         let point = |row: &WaveRow| Some(((x.row().value)(row), member.value(row, metric)?));
         MetricCurve::new(display, member.run.rows.iter().filter_map(point))

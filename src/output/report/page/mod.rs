@@ -7,10 +7,11 @@
 mod sections;
 mod views;
 
+use maud::{DOCTYPE, Markup, PreEscaped, html};
 use serde_json::{Value as Json, json};
 
 use super::ReportContext;
-use super::item::{ItemKind, ReportItem};
+use super::item::ReportItem;
 use super::study::{Member, Study};
 use super::verdict::Verdict;
 use crate::experiment::WaveRow;
@@ -21,7 +22,7 @@ use crate::output::provenance::Provenance;
 use crate::text::program;
 use lumbre_metrics::map::Colours;
 
-use crate::output::plot::svg::{base64, escape};
+use crate::output::plot::svg::{base64, without_controls};
 use crate::output::{OutputError, format};
 use crate::paths::SCRIPT_COPY;
 use crate::text::visible;
@@ -37,6 +38,17 @@ const SCRIPTS: [&str; 3] = [
 /// Only the embedded style, scripts, pictures and font are allowed, whatever names contain.
 const SECURITY_POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; \
                                style-src 'unsafe-inline'; img-src data:; font-src data:";
+
+/// Ids and names of the sections to which the page links.
+const SECTIONS: [(&str, &str); 7] = [
+    ("answer", "Answer"),
+    ("viewer", "Pictures"),
+    ("curves", "Curves"),
+    ("tables", "Tables"),
+    ("figures", "Figures"),
+    ("run-table", "Runs"),
+    ("methods", "Methods"),
+];
 
 /// Builds the page as the report's `index.html`.
 ///
@@ -69,17 +81,12 @@ pub fn item(
         provenance: &provenance,
     };
     let html = document(study, items, verdict, &views, &text, context);
-    Ok(ReportItem {
-        kind: ItemKind::Data,
-        section: String::new(),
-        stem: "index".to_owned(),
-        title,
-        caption: "Complete report on one page.".to_owned(),
-        svg: None,
-        table: None,
-        extra: vec![("html", html.into_bytes())],
-        provenance,
-    })
+    let html = without_controls(&html.into_string());
+    let caption = "Complete report on one page.".to_owned();
+    let files = vec![("html", html.into_bytes())];
+    Ok(ReportItem::data(
+        "index", &title, caption, files, provenance,
+    ))
 }
 
 /// Collects the data of the page's scripts.
@@ -208,82 +215,85 @@ fn document(
     views: &[View],
     text: &PageText,
     context: &ReportContext,
-) -> String {
-    let mut out = head(text.title, text.provenance);
-    out += &format!("<body>\n<h1>{}</h1>\n", escape(text.title));
-    if !text.problems.is_empty() {
-        out += &format!(
-            "<div class=\"note\" id=\"problems\"><b>Left out because it does not match its \
-             checksum:</b>\n{}</div>\n",
-            list(text.problems)
-        );
+) -> Markup {
+    let several = study.nights.len() > 1;
+    let methods = items.iter().find(|item| item.stem == "methods");
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            (head(text.title, text.provenance))
+            body {
+                h1 { (text.title) }
+                @if !text.problems.is_empty() {
+                    div.note #problems {
+                        b { "Left out because it does not match its checksum:" }
+                        (list(text.problems))
+                    }
+                }
+                @for (night, name) in study.nights.iter().zip(&study.names) {
+                    (night_facts(night, Some(name.as_str()).filter(|_| several), context))
+                }
+                (sections::answer(study, verdict, views, text.notes.len()))
+                nav {
+                    @for (id, name) in SECTIONS { a href={ "#" (id) } { (name) } }
+                }
+                (PreEscaped(include_str!("parts.html")))
+                (sections::tables(study, items))
+                (sections::figures(study, items))
+                section #run-table {
+                    h2 { "Runs" }
+                    div.bar {
+                        input #words size="34" placeholder="technique=bdpt repeat=0"
+                            aria-label="filter runs by words";
+                        span #count {}
+                        button #every hidden { "show all runs" }
+                    }
+                    div.scroll { table #runs {} }
+                }
+                section #methods {
+                    h2 { "Methods" }
+                    @if let Some(methods) = methods { p { (sections::prose(&methods.caption)) } }
+                    @if !text.notes.is_empty() {
+                        h3 #notes { "Notes" }
+                        (list(text.notes))
+                    }
+                }
+                script type="application/json" id="data" { (PreEscaped(text.data)) }
+                script { (PreEscaped(SCRIPTS.join("\n"))) }
+            }
+        }
     }
-    for (night, name) in study.nights.iter().zip(&study.names) {
-        let name = (study.nights.len() > 1).then_some(name.as_str());
-        out += &night_facts(night, name, context);
-    }
-    out += &sections::answer(study, verdict, views, text.notes.len());
-    out += "<nav><a href=\"#answer\">Answer</a><a href=\"#viewer\">Pictures</a>\
-            <a href=\"#curves\">Curves</a><a href=\"#tables\">Tables</a>\
-            <a href=\"#figures\">Figures</a><a href=\"#run-table\">Runs</a>\
-            <a href=\"#methods\">Methods</a></nav>\n";
-    out += include_str!("parts.html");
-    out += &sections::tables(study, items);
-    out += &sections::figures(study, items);
-    out += "<section id=\"run-table\">\n<h2>Runs</h2>\n\
-            <div class=\"bar\"><input id=\"words\" size=\"34\" \
-            placeholder=\"technique=bdpt repeat=0\" aria-label=\"filter runs by words\">\
-            <span id=\"count\"></span><button id=\"every\" hidden>show all runs</button></div>\n\
-            <div class=\"scroll\"><table id=\"runs\"></table></div>\n</section>\n";
-    out += "<section id=\"methods\">\n<h2>Methods</h2>\n";
-    if let Some(methods) = items.iter().find(|item| item.stem == "methods") {
-        out += &format!("<p>{}</p>\n", sections::prose(&methods.caption));
-    }
-    if !text.notes.is_empty() {
-        out += &format!("<h3 id=\"notes\">Notes</h3>\n{}", list(text.notes));
-    }
-    out += "</section>\n";
-    out += &format!(
-        "<script type=\"application/json\" id=\"data\">{}</script>\n<script>\n{}</script>\n",
-        text.data,
-        SCRIPTS.join("\n")
-    );
-    out + "</body>\n</html>\n"
 }
 
 /// Writes sentences as a list.
-fn list(sentences: &[String]) -> String {
-    let item = |sentence: &String| format!("<li>{}</li>\n", sections::prose(sentence));
-    let items: String = sentences.iter().map(item).collect();
-    format!("<ul class=\"note\">\n{items}</ul>\n")
+fn list(sentences: &[String]) -> Markup {
+    html! { ul.note { @for sentence in sentences { li { (sections::prose(sentence)) } } } }
 }
 
-/// Writes the document up to the end of its head.
-fn head(title: &str, provenance: &Provenance) -> String {
+/// Writes the head of the document.
+fn head(title: &str, provenance: &Provenance) -> Markup {
     let font = base64(epaint_default_fonts::UBUNTU_LIGHT);
-    let title = escape(title);
-    let program = program();
-    let provenance = escape(&provenance.text());
-    format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <meta http-equiv=\"Content-Security-Policy\" content=\"{SECURITY_POLICY}\">\n\
-         <meta name=\"generator\" content=\"{program}\">\n\
-         <meta name=\"lumbre.provenance\" content=\"{provenance}\">\n\
-         <title>{title} · Lumbre</title>\n\
-         <style>\n@font-face {{ font-family: \"Lumbre\"; \
-         src: url(data:font/ttf;base64,{font}); }}\n{STYLE}</style>\n</head>\n"
-    )
+    let style = format!(
+        "@font-face {{ font-family: \"Lumbre\"; src: url(data:font/ttf;base64,{font}); }}\n{STYLE}"
+    );
+    html! {
+        head {
+            meta charset="utf-8";
+            meta name="viewport" content="width=device-width, initial-scale=1";
+            meta http-equiv="Content-Security-Policy" content=(SECURITY_POLICY);
+            meta name="generator" content=(program());
+            meta name="lumbre.provenance" content=(provenance.text());
+            title { (title) " · Lumbre" }
+            style { (PreEscaped(style)) }
+        }
+    }
 }
 
 /// Writes a line of facts on a night. `name` is given if there are several nights.
-fn night_facts(night: &NightResults, name: Option<&str>, context: &ReportContext) -> String {
-    let name = name.map_or(String::new(), |name| format!("<b>{}</b>: ", escape(name)));
+fn night_facts(night: &NightResults, name: Option<&str>, context: &ReportContext) -> Markup {
     let finished = night.runs.iter().filter(|r| r.is_done()).count();
-    let (program, date) = night
-        .machine
-        .as_ref()
-        .map_or(("", ""), |m| (m.program.as_str(), m.date.as_str()));
+    let machine = night.machine.as_ref();
+    let (program, date) = machine.map_or(("", ""), |m| (m.program.as_str(), m.date.as_str()));
     let facts = [
         format!("{finished} of {} runs finished", night.runs.len()),
         night.devices().join(", "),
@@ -291,14 +301,13 @@ fn night_facts(night: &NightResults, name: Option<&str>, context: &ReportContext
         program.to_owned(),
         date.to_owned(),
     ];
-    let mut facts: Vec<String> = facts
-        .iter()
-        .filter(|f| !f.is_empty())
-        .map(|f| escape(f))
-        .collect();
-    let script = (context.link)(&night.folder.join(SCRIPT_COPY));
-    facts.push(format!("<a href=\"{}\">script</a>", escape(&script)));
-    format!("<p class=\"meta\">{name}{}</p>\n", facts.join(" · "))
+    html! {
+        p.meta {
+            @if let Some(name) = name { b { (name) } ": " }
+            @for fact in facts.iter().filter(|fact| !fact.is_empty()) { (fact) " · " }
+            a href=((context.link)(&night.folder.join(SCRIPT_COPY))) { "script" }
+        }
+    }
 }
 
 /// Formats a number below a picture with three significant digits.

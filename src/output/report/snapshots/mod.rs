@@ -152,7 +152,7 @@ pub fn references(
             };
             references.by_series[series] = paths.iter().position(|known| known == path);
             if references.by_series[series].is_none() {
-                let Some(image) = read_picture(path, pictures, notes) else {
+                let Some(image) = read_picture(("a picture", path), pictures, notes) else {
                     continue;
                 };
                 let size = references
@@ -225,10 +225,8 @@ pub fn common_stored_time(
 
 /// Returns the run of a series that pictures show: its first finished repeat with a stored picture.
 fn shown_member<'a>(study: &'a Study<'_>, facet: usize, series: usize) -> Option<Member<'a>> {
-    let members = study.members(facet, series);
-    members
-        .into_iter()
-        .find(|m| m.run.is_done() && !m.run.pictures.is_empty())
+    let mut finished = study.finished(facet, series).into_iter();
+    finished.find(|m| !m.run.pictures.is_empty())
 }
 
 /// Returns the measurements of a run that have a stored picture, with its file.
@@ -260,7 +258,7 @@ pub fn nearest_snapshots(
         let Some((row, path)) = nearest(study, &member, moment) else {
             continue;
         };
-        let Some(image) = read_picture(path, pictures, notes) else {
+        let Some(image) = read_picture(("a picture", path), pictures, notes) else {
             continue;
         };
         if size != [image.width, image.height] {
@@ -308,14 +306,16 @@ fn nearest<'a>(
         .map(|(_, row, path)| (row, path))
 }
 
-fn read_picture(path: &Path, pictures: &Pictures, notes: &mut Vec<String>) -> Option<Image> {
-    match pictures(path) {
-        Ok(image) => Some(image),
-        Err(reason) => {
-            notes.push(format!("a picture is left out: {reason}"));
-            None
-        }
-    }
+/// Reads a picture. If that fails, returns `None` and notes that `name` is left out, and why.
+pub fn read_picture(
+    (name, path): (&str, &Path),
+    pictures: &Pictures,
+    notes: &mut Vec<String>,
+) -> Option<Image> {
+    let image = pictures(path);
+    image
+        .map_err(|reason| notes.push(format!("{name} is left out: {reason}")))
+        .ok()
 }
 
 /// Returns the pixels in a window, given as left, top, width, height, or `None` if it is not inside

@@ -2,6 +2,7 @@
 
 use super::rates::SPEED;
 use super::{empty_table, fill_table, mark_noise_floors, with_devices};
+use crate::experiment::spec::TableValue;
 use crate::experiment::{WaveRow, night_results};
 use crate::output::format;
 use crate::output::metric_display::MetricDisplay;
@@ -10,7 +11,7 @@ use crate::output::quantity::{self, RunValue, crossing};
 use crate::output::repeats::MetricCurve;
 use crate::output::report::study::{Member, ReportOptions, Study};
 use crate::output::table::ranking::Ranking;
-use crate::output::table::{Digits, Table};
+use crate::output::table::{Digits, Table, TableKind};
 use lumbre_metrics::Better;
 
 /// Returns how values of a metric are ranked.
@@ -28,15 +29,18 @@ pub(super) fn final_values(study: &Study, metric: usize) -> Table {
         "{} at the end of each run. Mean over repeats.",
         format::metric_description(spec)
     );
-    let table = empty_table(
-        study,
-        spec.row.label,
-        &format!("final-{}", spec.column),
-        &format!("Final {}", spec.row.label),
-        caption,
-        &spec.unit(),
-        Digits::Significant(4),
-    );
+    let table = Table {
+        kind: TableKind::Final(metric),
+        ..empty_table(
+            study,
+            spec.row.label,
+            &format!("final-{}", spec.column),
+            &format!("Final {}", spec.row.label),
+            caption,
+            &spec.unit(),
+            Digits::Significant(4),
+        )
+    };
     let last = |_: usize, m: &Member| m.value(m.run.rows.last()?, metric);
     let mut table = fill_table(study, table, metric_ranking(study, metric), |facet, m| {
         last(facet, m).map(RunValue::exact)
@@ -111,9 +115,8 @@ pub(in crate::output::report) fn common_time(
     facet: usize,
 ) -> Option<f64> {
     options.at_time.or_else(|| {
-        let members = (0..study.series.len()).flat_map(|s| study.members(facet, s));
-        members
-            .filter(|m| m.run.is_done())
+        let finished = (0..study.series.len()).flat_map(|s| study.finished(facet, s));
+        finished
             .filter_map(|m| Some(m.run.rows.last()?.render_s))
             .reduce(f64::min)
     })
@@ -132,15 +135,18 @@ pub(super) fn equal_time(study: &Study, options: &ReportOptions, metric: usize) 
          is known. Mean over repeats.",
         format::metric_description(spec)
     );
-    let table = empty_table(
-        study,
-        spec.row.label,
-        &format!("equal-time-{}", spec.column),
-        &format!("{} at equal time", spec.row.label),
-        with_devices(study, &caption),
-        &spec.unit(),
-        Digits::Significant(4),
-    );
+    let table = Table {
+        kind: TableKind::EqualTime(metric),
+        ..empty_table(
+            study,
+            spec.row.label,
+            &format!("equal-time-{}", spec.column),
+            &format!("{} at equal time", spec.row.label),
+            with_devices(study, &caption),
+            &spec.unit(),
+            Digits::Significant(4),
+        )
+    };
     let display = MetricDisplay::for_metric(spec);
     let ranking = metric_ranking(study, metric);
     let at_time = |facet: usize, m: &Member| {
@@ -166,12 +172,12 @@ pub(in crate::output::report) fn common_error(
     facet: usize,
     metric: usize,
 ) -> Option<f64> {
-    let members = (0..study.series.len()).flat_map(|s| study.members(facet, s));
+    let finished = (0..study.series.len()).flat_map(|s| study.finished(facet, s));
     let last = |m: Member| {
         let curve = curve_over_time(study, &m, metric);
         curve.points.last().map(|p| p.1)
     };
-    let finals = members.filter(|m| m.run.is_done()).filter_map(last);
+    let finals = finished.filter_map(last);
     match MetricDisplay::for_metric(&study.metrics[metric]).scale {
         Scale::Log => finals.reduce(f64::max),
         Scale::Linear => finals.reduce(f64::min),
@@ -203,15 +209,18 @@ pub(super) fn equal_error(study: &Study, metric: usize) -> Option<Table> {
          over repeats.",
         format::metric_description(spec)
     );
-    let table = empty_table(
-        study,
-        spec.row.label,
-        &format!("equal-error-{}", spec.column),
-        &format!("Time to equal {}", spec.row.label),
-        with_devices(study, &caption),
-        "s",
-        Digits::Significant(3),
-    );
+    let table = Table {
+        kind: TableKind::EqualError(metric),
+        ..empty_table(
+            study,
+            spec.row.label,
+            &format!("equal-error-{}", spec.column),
+            &format!("Time to equal {}", spec.row.label),
+            with_devices(study, &caption),
+            "s",
+            Digits::Significant(3),
+        )
+    };
     let mut table = fill_table(study, table, Ranking::ShorterTime, |facet, m| {
         let curve = curve_over_time(study, m, metric);
         first_reached(&curve, errors[facet]?, display.scale)
@@ -228,25 +237,29 @@ pub(super) fn equal_error(study: &Study, metric: usize) -> Option<Table> {
 /// Builds the table of render times to a threshold of a metric.
 pub(super) fn time_to(study: &Study, metric: usize, threshold: f64) -> Table {
     let spec = &study.metrics[metric];
-    let better = spec.row.better;
-    let sign = quantity::threshold_sign(better);
+    let sign = quantity::threshold_sign(spec.row.better);
     let caption = format!(
         "Render time in seconds until {} {sign} {threshold}. Times between measurements are \
          interpolated. Mean over repeats.",
         format::metric_description(spec)
     );
-    let table = empty_table(
-        study,
-        spec.row.label,
-        &format!("time-to-{}-{threshold}", spec.column),
-        &format!("Time to {} {sign} {threshold}", spec.row.label),
-        with_devices(study, &caption),
-        "s",
-        Digits::Significant(3),
-    );
+    let table = Table {
+        kind: TableKind::TimeTo(metric),
+        ..empty_table(
+            study,
+            spec.row.label,
+            &format!("time-to-{}-{threshold}", spec.column),
+            &format!("Time to {} {sign} {threshold}", spec.row.label),
+            with_devices(study, &caption),
+            "s",
+            Digits::Significant(3),
+        )
+    };
+    let value = TableValue::TimeTo {
+        column: spec.column.clone(),
+        threshold,
+    };
     fill_table(study, table, Ranking::ShorterTime, |_, m| {
-        let point = |row: &WaveRow| Some((row.render_s, m.value(row, metric)?));
-        let curve: Vec<(f64, f64)> = m.run.rows.iter().filter_map(point).collect();
-        quantity::time_to(better, &curve, threshold)
+        study.run_value(&value, m)
     })
 }

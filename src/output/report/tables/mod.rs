@@ -13,7 +13,7 @@ use super::study::{Member, ReportOptions, Study};
 use crate::output::provenance::Provenance;
 use crate::output::quantity::{Bound, RunValue};
 use crate::output::table::ranking::{Ranking, significant_best};
-use crate::output::table::{Digits, Table, TableCell};
+use crate::output::table::{Digits, Table, TableCell, TableKind};
 pub(super) use errors::{common_error, common_time};
 
 /// Explanation of bold and ± at the end of captions. The HTML page shows it once.
@@ -89,7 +89,7 @@ pub fn all(
 fn repeats_one_of(tables: &[Table], table: &Table) -> bool {
     let mut times = tables
         .iter()
-        .filter(|other| other.name.starts_with("equal-error-"));
+        .filter(|other| matches!(other.kind, TableKind::EqualError(_)));
     times.any(|other| {
         let (own, theirs) = (table.cells(), other.cells());
         own.len() == theirs.len() && own.iter().zip(theirs).all(|(a, b)| is_same_number(a, b))
@@ -141,6 +141,7 @@ fn empty_table(
     let span = |group: &String| study.series.iter().filter(|s| s.group == *group).count();
     Table {
         name: name.to_owned(),
+        kind: TableKind::Other,
         section: section.to_owned(),
         title: title.to_owned(),
         caption,
@@ -168,12 +169,12 @@ fn fill_table(
         let (mut samples, mut cells): (Vec<Vec<RunValue>>, Vec<TableCell>) = Default::default();
         let mut complete = Vec::new();
         for series in 0..study.series.len() {
-            let members = study.members(facet, series);
-            let finished = || members.iter().filter(|m| m.run.is_done());
-            let (run_ids, values): (Vec<String>, Vec<RunValue>) = finished()
+            let finished = study.finished(facet, series);
+            let (run_ids, values): (Vec<String>, Vec<RunValue>) = finished
+                .iter()
                 .filter_map(|m| Some((m.run.id.clone(), value(facet, m)?)))
                 .unzip();
-            complete.push(values.len() == finished().count());
+            complete.push(values.len() == finished.len());
             cells.push(TableCell {
                 run_ids,
                 ..TableCell::mean(&values, ranking)
@@ -228,9 +229,8 @@ fn mark_noise_floors(
     let mut any = false;
     for (facet, (_, cells)) in table.rows.iter_mut().enumerate() {
         for (series, cell) in cells.iter_mut().enumerate() {
-            let members = study.members(facet, series);
-            let mut finished = members.iter().filter(|m| m.run.is_done());
-            cell.at_floor = finished.any(|member| is_at_floor(facet, member));
+            let finished = study.finished(facet, series);
+            cell.at_floor = finished.iter().any(|member| is_at_floor(facet, member));
             any |= cell.at_floor;
         }
     }

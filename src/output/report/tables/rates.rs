@@ -5,6 +5,7 @@ use crate::output::quantity::RunValue;
 use crate::output::report::study::Study;
 use crate::output::table::ranking::Ranking;
 use crate::output::table::{Digits, Table, TableCell};
+use lumbre_render::OpenStats;
 
 /// Heading of the tables of speed.
 pub(super) const SPEED: &str = "Speed and efficiency";
@@ -174,10 +175,10 @@ pub(super) fn acceleration_structures(study: &Study) -> Option<Table> {
 /// Returns nodes, build time and ray rates of one group of series in a facet.
 fn structure_cells(study: &Study, facet: usize, group: &str) -> Vec<TableCell> {
     let series = || (0..study.series.len()).filter(|s| study.series[*s].group == *group);
-    let built: Vec<(f64, u64)> = series()
+    let built: Vec<&OpenStats> = series()
         .flat_map(|s| study.members(facet, s))
-        .filter_map(|m| m.run.accel)
-        .filter(|accel| accel.1 > 0)
+        .filter_map(|m| m.run.open.as_ref())
+        .filter(|open| open.accel_nodes > 0)
         .collect();
     let cell = |value: Option<f64>| TableCell {
         value,
@@ -185,13 +186,23 @@ fn structure_cells(study: &Study, facet: usize, group: &str) -> Vec<TableCell> {
         ..TableCell::default()
     };
     let mut cells = vec![
-        cell(built.iter().map(|a| a.1 as f64).reduce(f64::max)),
-        cell(built.iter().map(|a| a.0 * 1e3).reduce(f64::min)),
+        cell(
+            built
+                .iter()
+                .map(|open| open.accel_nodes as f64)
+                .reduce(f64::max),
+        ),
+        cell(
+            built
+                .iter()
+                .map(|open| open.accel_build_s * 1e3)
+                .reduce(f64::min),
+        ),
     ];
     for series in series() {
-        let members = study.members(facet, series);
-        let finished = members.iter().filter(|m| m.run.is_done());
+        let finished = study.finished(facet, series);
         let (run_ids, rates): (Vec<String>, Vec<RunValue>) = finished
+            .iter()
             .filter_map(|m| Some((m.run.id.clone(), RunValue::exact(m.run.mrays_per_s()?))))
             .unzip();
         cells.push(TableCell {

@@ -16,10 +16,10 @@ fn swept() -> NightResults {
             one.point.push(("bins".to_owned(), Value::Int(bins)));
             one.id = format!("{:032x}", 0xabc000 + runs.len());
             one.repeat = repeat;
-            one.accel = Some((
-                0.001 * bins as f64 * (1.0 + 0.1 * repeat as f64),
-                70 + bins as u64,
-            ));
+            if let Some(open) = &mut one.open {
+                open.accel_build_s = 0.001 * bins as f64 * (1.0 + 0.1 * repeat as f64);
+                open.accel_nodes = 70 + bins as u64;
+            }
             runs.push(one);
         }
     }

@@ -1,24 +1,22 @@
-//! Captions of tables.
+//! Captions of requested tables.
 
-use std::collections::BTreeSet;
-
-use crate::experiment::plan::{Cell, Plan};
+use crate::experiment::plan::Plan;
 use crate::experiment::spec::TableSpec;
 use crate::output::format;
 use crate::output::quantity::{self, Bound};
+use crate::output::report::study::{Study, is_integrator_axis};
 use crate::output::table::TableCell;
-use lumbre_render::denoise::BIAS;
 
 /// Labels and cells of a row.
 type Row = (Vec<String>, Vec<TableCell>);
 
 /// Builds the caption: the value, the number of runs averaged, notation, runs and points that are
-/// left out, and long names. `unfinished` is the number of runs that have not finished.
-pub(super) fn caption(plan: &Plan, spec: &TableSpec, rows: &[Row], unfinished: usize) -> String {
+/// left out, and long names.
+pub(super) fn caption(plan: &Plan, study: &Study, spec: &TableSpec, rows: &[Row]) -> String {
     let mut sentences = vec![format!(
         "{}, {}.",
-        quantity::title(plan, &spec.value),
-        averaging(plan, spec, rows)
+        quantity::title(&study.metrics, &spec.value),
+        averaging(study, spec, rows)
     )];
     if cells(rows).any(|c| c.interval.is_some()) {
         sentences.push(
@@ -31,22 +29,18 @@ pub(super) fn caption(plan: &Plan, spec: &TableSpec, rows: &[Row], unfinished: u
     if !explanations.is_empty() {
         sentences.push(explanations);
     }
-    if unfinished > 0 {
-        sentences.push(match unfinished {
-            1 => "1 run has not finished and is left out.".to_owned(),
-            n => format!("{n} runs have not finished and are left out."),
-        });
+    match study.all().filter(|m| !m.run.is_done()).count() {
+        0 => {}
+        1 => sentences.push("1 run has not finished and is left out.".to_owned()),
+        n => sentences.push(format!("{n} runs have not finished and are left out.")),
     }
     sentences.extend(plan.absent().iter().map(|(reason, count)| match count {
         1 => format!("1 point is left out: {reason}."),
         _ => format!("{count} points are left out: {reason}."),
     }));
-    let denoised = |cell: &Cell| cell.config.denoise.is_some();
-    if plan.cells.iter().any(denoised) {
-        sentences.push(BIAS.to_owned());
-    }
+    sentences.extend(study.bias_sentences());
     sentences.extend(plan.biased_references());
-    sentences.extend(long_names(plan, spec));
+    sentences.extend(long_names(study, spec));
     sentences.join(" ")
 }
 
@@ -55,24 +49,14 @@ fn cells(rows: &[Row]) -> impl Iterator<Item = &TableCell> {
 }
 
 /// Describes what a cell averages, such as `mean of 4 runs (over radius, repeats)`.
-fn averaging(plan: &Plan, spec: &TableSpec, rows: &[Row]) -> String {
+fn averaging(study: &Study, spec: &TableSpec, rows: &[Row]) -> String {
     let runs = || cells(rows).map(|c| c.runs).filter(|n| *n > 0);
     let (least, most) = (runs().min().unwrap_or(0), runs().max().unwrap_or(0));
-    let varies = |axis: &&String| {
-        let values = (0..plan.cells.len())
-            .map(|cell| format::axis_value(plan, cell, axis).map(ToString::to_string));
-        values.collect::<BTreeSet<_>>().len() > 1
-    };
-    let in_table = |axis: &&String| spec.rows.contains(axis) || spec.cols.contains(axis);
-    let mut over: Vec<&str> = plan
-        .axes
-        .iter()
-        .filter(|a| !in_table(a))
-        .filter(varies)
-        .map(String::as_str)
-        .collect();
-    if plan.cells.iter().any(|c| c.repeat > 0) {
-        over.push("repeats");
+    let in_table = |axis: &String| spec.rows.contains(axis) || spec.cols.contains(axis);
+    let mut over = study.axes();
+    over.retain(|axis| !in_table(axis) && study.values(axis).len() > 1);
+    if study.all().any(|m| m.run.repeat > 0) {
+        over.push("repeats".to_owned());
     }
     let over = if over.is_empty() || most < 2 {
         String::new()
@@ -88,18 +72,12 @@ fn averaging(plan: &Plan, spec: &TableSpec, rows: &[Row]) -> String {
 }
 
 /// Returns long names such as `bpt: path tracing.` of the integrators in the labels.
-fn long_names(plan: &Plan, spec: &TableSpec) -> Option<String> {
-    let axis = spec
-        .rows
-        .iter()
-        .chain(&spec.cols)
-        .find(|axis| format::is_integrator_axis(plan, axis))?;
-    let mut seen = BTreeSet::new();
-    let values =
-        (0..plan.cells.len()).filter_map(|cell| format::axis_value(plan, cell, axis)?.as_str());
+fn long_names(study: &Study, spec: &TableSpec) -> Option<String> {
+    let mut axes = spec.rows.iter().chain(&spec.cols);
+    let axis = axes.find(|axis| is_integrator_axis(study.nights, axis))?;
+    let values = study.values(axis).into_iter();
     let named: Vec<String> = values
-        .filter(|name| seen.insert(*name))
-        .filter_map(|name| Some((plan.report.name(name), format::integrator_long_name(name)?)))
+        .filter_map(|name| Some((study.name(&name), format::integrator_long_name(&name)?)))
         .filter(|(name, long)| name != long)
         .map(|(name, long)| format!("{name}: {long}"))
         .collect();

@@ -206,13 +206,12 @@ fn times_over_an_axis_have_separate_figures_for_each_device() {
         CellRef::Cell(i) => Some(if i % 6 < 2 { "a lens" } else { "a prism" }.to_owned()),
         CellRef::Reference(_) => None,
     };
-    let devices = Devices::new(&plan, &results, name);
     let count = |y: TableValue| {
         figures(
             &plan,
             &over("depth", &[y], Some("scene"), &[]),
             &results,
-            &devices,
+            name,
         )
         .len()
     };
@@ -331,4 +330,18 @@ fn a_line_over_techniques_is_not_named_after_one() {
     .remove(0)
     .svg;
     assert!(svg.contains("depth has a single value"), "{svg}");
+}
+
+#[test]
+fn a_line_connects_the_values_of_its_axis_in_their_order() {
+    let plan = plan(&[("depth", numbers(&[9.0, 2.0, 5.0]))], 1);
+    let results: Vec<_> = (0..3).map(|i| done(i, &[(1.0 + i as f64, 0.5)])).collect();
+    let one = over("depth", &[TableValue::Run(RunColumn::RenderS)], None, &[]);
+    let svg = drawn(&plan, &one, &results).remove(0).svg;
+    let (_, line) = svg.split_once("<polyline points=\"").unwrap();
+    let points = line.split_once('"').unwrap().0.split(' ');
+    let x: Vec<f64> = points
+        .map(|point| point.split_once(',').unwrap().0.parse().unwrap())
+        .collect();
+    assert!(x.len() == 3 && x.is_sorted(), "{x:?}");
 }

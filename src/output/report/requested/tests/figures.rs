@@ -2,10 +2,25 @@
 
 mod sweep;
 
-use super::*;
-use crate::experiment::Outcome;
-use crate::experiment::spec::FigureX;
+use std::collections::BTreeSet;
+
+use crate::experiment::plan::Plan;
+use crate::experiment::spec::{FigureKind, FigureSpec, FigureX};
+use crate::experiment::{CellRef, CellResult, Outcome};
 use crate::output::fixture::{done, ended, numbers, plan, texts};
+use crate::output::plot::{rasterize, style};
+use crate::output::report::requested;
+use crate::output::report::requested::FigureFiles;
+use crate::output::report::requested::figures::{LONGEST_STEM, unique_stem};
+
+fn figures(
+    plan: &Plan,
+    spec: &FigureSpec,
+    results: &[CellResult],
+    device: impl Fn(&CellResult) -> Option<String>,
+) -> Vec<FigureFiles> {
+    requested::figures(plan, &requested::night(plan, results, device), spec)
+}
 
 fn spec(y: &[&str], by: Option<&str>, facet: &[&str]) -> FigureSpec {
     let owned = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect();
@@ -48,7 +63,7 @@ fn waves(cell: usize) -> Vec<(f64, f64)> {
 
 /// Draws the figures of a night on one device.
 fn drawn(plan: &Plan, spec: &FigureSpec, results: &[CellResult]) -> Vec<FigureFiles> {
-    figures(plan, spec, results, &Devices::default())
+    figures(plan, spec, results, |_| None)
 }
 
 fn count(svg: &str, what: &str) -> usize {
@@ -310,9 +325,8 @@ fn alternating_device(result: &CellResult) -> Option<String> {
 fn times_of_several_devices_never_share_an_axis() {
     let (plan, results) = night();
     let by = spec(&["rmse"], Some("depth"), &["scene"]);
-    let devices = Devices::new(&plan, &results, alternating_device);
     let stems = |spec: &FigureSpec| -> Vec<String> {
-        figures(&plan, spec, &results, &devices)
+        figures(&plan, spec, &results, alternating_device)
             .into_iter()
             .map(|figure| figure.stem)
             .collect()
@@ -323,7 +337,7 @@ fn times_of_several_devices_never_share_an_axis() {
         split.contains(&"convergence_scene=box_device=a_lens".to_owned()),
         "{split:?}"
     );
-    let figure = &figures(&plan, &by, &results, &devices)[0];
+    let figure = &figures(&plan, &by, &results, alternating_device)[0];
     assert!(
         figure.svg.contains(">scene = box, device = a lens</text>"),
         "{}",
@@ -336,9 +350,9 @@ fn times_of_several_devices_never_share_an_axis() {
         y: vec!["rmse".to_owned()],
     };
     assert_eq!(stems(&FigureSpec { kind, ..by.clone() }).len(), 2);
-    let one = Devices::new(&plan, &results, |_| Some("a lens".to_owned()));
+    let one = |_: &CellResult| Some("a lens".to_owned());
     assert_eq!(
-        figures(&plan, &by, &results, &one),
+        figures(&plan, &by, &results, one),
         drawn(&plan, &by, &results)
     );
 }
@@ -359,6 +373,5 @@ fn times_of_swept_backends_share_an_axis() {
             ..(*cell.config).clone()
         });
     }
-    let devices = Devices::new(&plan, &results, alternating_device);
-    assert_eq!(figures(&plan, &by, &results, &devices).len(), 2);
+    assert_eq!(figures(&plan, &by, &results, alternating_device).len(), 2);
 }

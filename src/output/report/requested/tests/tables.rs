@@ -1,10 +1,25 @@
 //! Tables of hand-made nights.
 
-use super::*;
-use crate::experiment::Outcome;
-use crate::experiment::spec::{RunColumn, TableValue};
+use crate::experiment::plan::Plan;
+use crate::experiment::spec::{RunColumn, TableSpec, TableValue};
+use crate::experiment::{CellRef, CellResult, Outcome};
 use crate::output::fixture::{done, ended, numbers, plan, texts};
-use crate::output::table::Interval;
+use crate::output::quantity::Bound;
+use crate::output::report::requested;
+use crate::output::table::{Interval, Table, TableCell};
+
+fn tables(
+    plan: &Plan,
+    spec: &TableSpec,
+    results: &[CellResult],
+    device: impl Fn(&CellResult) -> Option<String>,
+) -> Vec<Table> {
+    requested::tables(plan, &requested::night(plan, results, device), spec)
+}
+
+fn build(plan: &Plan, spec: &TableSpec, results: &[CellResult]) -> Table {
+    tables(plan, spec, results, |_| None).remove(0)
+}
 
 fn spec(value: TableValue, rows: &[&str], cols: &[&str]) -> TableSpec {
     let owned = |names: &[&str]| names.iter().map(|n| (*n).to_owned()).collect();
@@ -69,12 +84,11 @@ fn times_of_several_devices_have_separate_tables() {
         CellRef::Cell(i) => Some(if i < 4 { "a lens" } else { "a prism" }.to_owned()),
         CellRef::Reference(_) => None,
     };
-    let devices = Devices::new(&plan, &results, name);
     let both = tables(
         &plan,
         &spec(TableValue::Run(RunColumn::RenderS), &["depth"], &[]),
         &results,
-        &devices,
+        name,
     );
     let names: Vec<&str> = both.iter().map(|table| table.name.as_str()).collect();
     assert_eq!(names, ["table-device-1", "table-device-2"]);
@@ -99,7 +113,7 @@ fn times_of_several_devices_have_separate_tables() {
     // Errors are the same wherever they were computed.
     let errors = spec(TableValue::Metric("rmse".to_owned()), &["depth"], &[]);
     assert_eq!(
-        tables(&plan, &errors, &results, &devices),
+        tables(&plan, &errors, &results, name),
         [build(&plan, &errors, &results)]
     );
 }

@@ -1,0 +1,4 @@
+//! Figures and tables of hand-made nights.
+
+mod figures;
+mod tables;
