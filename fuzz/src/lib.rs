@@ -249,11 +249,11 @@ fn renderer(scene: &Arc<CompiledScene>, technique: usize) -> Box<dyn Renderer> {
     });
     let integrator = integrator(["bdpt", "nee"][technique]).expect("an integrator has this name");
     let job = Job {
-        timing: Some(timing),
         sampler: SOBOL,
         threads: 1,
         ..Job::plain(integrator, [4, 3], 4, 7)
-    };
+    }
+    .with(|settings| settings.timing = Some(timing));
     lumbre::backends::open("cpu", scene.clone(), job).expect("the job is valid")
 }
 
@@ -320,7 +320,7 @@ pub fn checkpoint(bytes: &[u8]) -> bool {
 /// read.
 pub fn rows(bytes: &[u8]) -> bool {
     let text = String::from_utf8_lossy(bytes);
-    let _ = metrics_csv::parse_more(&text);
+    let _ = metrics_csv::parse_more(&text, 2);
     let Ok((columns, read)) = metrics_csv::parse(&text) else {
         return false;
     };
