@@ -55,7 +55,7 @@ fn speculative_work_changes_no_bit_of_films_checkpoints_and_counts() {
         let (mut plain, mut ahead) = (open(&device, &job), open(&device, &job));
         for (i, (samples, more)) in WAVES.into_iter().enumerate() {
             let expected = plain.advance(samples).unwrap();
-            let found = ahead.advance_with_lookahead(samples, more).unwrap();
+            let found = ahead.render(&harness::ahead(samples, more)).unwrap();
             assert_eq!(counts(&found), counts(&expected), "{name}, wave {i}");
             assert!(
                 ahead.film() == plain.film(),
@@ -68,7 +68,7 @@ fn speculative_work_changes_no_bit_of_films_checkpoints_and_counts() {
         }
         // One renderer resumes from the checkpoint of a run with work in flight, and so does that
         // run itself.
-        ahead.advance_with_lookahead(3, 1000).unwrap();
+        ahead.render(&harness::ahead(3, 1000)).unwrap();
         plain.advance(3).unwrap();
         let saved = state(&ahead);
         let mut other = open(&device, &job);
@@ -78,7 +78,7 @@ fn speculative_work_changes_no_bit_of_films_checkpoints_and_counts() {
         }
         plain.advance(5).unwrap();
         for renderer in [&mut other, &mut ahead] {
-            renderer.advance_with_lookahead(5, 1000).unwrap();
+            renderer.render(&harness::ahead(5, 1000)).unwrap();
             assert!(
                 renderer.film() == plain.film(),
                 "{name}: the films differ after a checkpoint"
@@ -100,7 +100,7 @@ fn speculative_work_does_not_change_splats_of_floats() {
     let (mut plain, mut ahead) = (open(&device, &job), open(&device, &job));
     for (samples, more) in WAVES {
         plain.advance(samples).unwrap();
-        ahead.advance_with_lookahead(samples, more).unwrap();
+        ahead.render(&harness::ahead(samples, more)).unwrap();
         compare("splats by atomic addition", ahead.film(), plain.film());
     }
     harness::assert_no_validation_messages();
@@ -137,7 +137,7 @@ fn speculative_work_does_not_change_layers_and_films_with_a_time_axis() {
         let (mut plain, mut ahead) = (open(), open());
         for (samples, more) in [(1, 100), (2, 100)] {
             plain.advance(samples).unwrap();
-            ahead.advance_with_lookahead(samples, more).unwrap();
+            ahead.render(&harness::ahead(samples, more)).unwrap();
             assert!(plain.times() == ahead.times() && state(&plain) == state(&ahead));
             assert!((0..plain.layers().len()).all(|i| plain.layer(i) == ahead.layer(i)));
         }
@@ -179,7 +179,7 @@ fn with_pauses(
     let start = Instant::now();
     let mut all = WaveStats::default();
     for _ in 0..pauses {
-        let wave = renderer.advance_with_lookahead(samples, more).unwrap();
+        let wave = renderer.render(&harness::ahead(samples, more)).unwrap();
         assert!(
             wave.device_s > 0.0 && wave.device_s <= wave.render_s * 1.001,
             "{wave:?}"

@@ -9,6 +9,7 @@ use lumbre_light::scene::compile::{DelayProfile, Delays, MaterialComponent};
 use lumbre_light::scene::desc::{DelayDesc, DelayKind};
 use lumbre_light::transport::integrator::IntegratorRow;
 use lumbre_light::transport::path_time::Timing;
+use lumbre_render::Advance;
 use lumbre_render::shaders::Shaders;
 use lumbre_vulkan::context::instance;
 use lumbre_vulkan::context::limits::Limits;
@@ -19,6 +20,14 @@ use lumbre_vulkan::pipelines::program::TracingMode;
 use lumbre_vulkan::pipelines::sources::Sources;
 
 use super::rounding;
+
+/// Returns a request of samples of which `more` may be started ahead.
+pub fn ahead(samples: u64, more: u64) -> Advance<'static> {
+    Advance {
+        more,
+        ..Advance::by(samples)
+    }
+}
 
 /// Returns whether devices render an integrator.
 pub fn renders(row: &IntegratorRow) -> bool {

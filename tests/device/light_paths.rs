@@ -118,7 +118,7 @@ fn waves_and_checkpoints_do_not_change_the_bits_of_shared_subpaths() {
     drop(first);
     let mut second = open(&device, &scene, &job);
     second.restore(&saved).unwrap();
-    parts += second.advance_with_lookahead(1, 5).unwrap().rays;
+    parts += second.render(&harness::ahead(1, 5)).unwrap().rays;
     parts += second.advance(2).unwrap().rays;
     assert!(second.film() == whole.film(), "the film differs");
     for i in 0..whole.layers().len() {

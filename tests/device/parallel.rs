@@ -53,8 +53,8 @@ fn compare(
         [PixelSamples::InTurn, schedule].map(|samples| open(device, kind, scene, job, samples));
     let mut invalid = 0;
     for (i, (samples, more)) in WAVES.into_iter().enumerate() {
-        let expected = in_turn.advance_with_lookahead(samples, more).unwrap();
-        let found = other.advance_with_lookahead(samples, more).unwrap();
+        let expected = in_turn.render(&harness::ahead(samples, more)).unwrap();
+        let found = other.render(&harness::ahead(samples, more)).unwrap();
         assert_eq!(counts(&found), counts(&expected), "{name}, wave {i}");
         assert_eq!(
             found.first_invalid, expected.first_invalid,

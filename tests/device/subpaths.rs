@@ -39,7 +39,7 @@ fn pictures_of_which_a_few_rows_have_room_have_the_same_bits() {
             let sources = harness::sources();
             let mut run = VulkanRenderer::new(device, kind, &sources, &scene, &job).unwrap();
             for (samples, more) in [(1, 4), (5, 0), (3, 3)] {
-                run.advance_with_lookahead(samples, more).unwrap();
+                run.render(&harness::ahead(samples, more)).unwrap();
             }
             state(&run)
         });

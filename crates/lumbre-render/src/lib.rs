@@ -248,7 +248,7 @@ pub enum RenderError {
         /// Description of what happened.
         reason: String,
     },
-    /// The caller did not want to wait any longer, as by [`Renderer::advance_unless`]. The film is as
+    /// The caller did not want to wait any longer, as [`Until`] allows. The film is as
     /// it was before.
     #[error("backend `{backend}` was cancelled")]
     Cancelled {
@@ -274,53 +274,69 @@ pub struct Picture {
 /// returned true, it does so for ever.
 pub type Abandoned<'a> = &'a (dyn Fn() -> bool + Sync);
 
+/// What a call of [`Renderer::render`] is to do.
+#[derive(Clone, Copy)]
+pub struct Advance<'a> {
+    /// Samples to add to every pixel.
+    pub samples: u64,
+    /// Samples that the device may start speculatively while the host reads the film. They never
+    /// affect results. 0 if another run uses the device next, since the speculative work would be
+    /// charged to its time.
+    pub more: u64,
+    /// When to give up.
+    pub until: Until<'a>,
+}
+
+/// When a call of [`Renderer::render`] gives up, with [`RenderError::Cancelled`].
+#[derive(Clone, Copy)]
+pub enum Until<'a> {
+    /// It does not.
+    Done,
+    /// Where it waits for another program, as soon as the function returns true. The film is then as
+    /// before.
+    Cancelled(&'a dyn Fn() -> bool),
+    /// As soon as the function returns true, or later. The renderer must be dropped then, since only
+    /// some pixels have the samples.
+    Abandoned(Abandoned<'a>),
+}
+
+impl Until<'_> {
+    /// Whether to give up.
+    pub fn is_now(&self) -> bool {
+        match self {
+            Until::Done => false,
+            Until::Cancelled(now) => now(),
+            Until::Abandoned(now) => now(),
+        }
+    }
+}
+
+impl Advance<'_> {
+    /// Returns a request of samples, without anything else.
+    pub fn by(samples: u64) -> Advance<'static> {
+        Advance {
+            samples,
+            more: 0,
+            until: Until::Done,
+        }
+    }
+}
+
 /// Run of a job in progress on a backend.
 pub trait Renderer: Send {
+    /// Adds samples to every pixel.
+    ///
+    /// # Errors
+    /// Returns [`RenderError::Cancelled`] if it gave up as the request allows, and another error if
+    /// the backend fails; the film must not be used any more then.
+    fn render(&mut self, request: &Advance<'_>) -> Result<WaveStats, RenderError>;
+
     /// Adds `samples` samples to every pixel.
     ///
     /// # Errors
     /// Returns an error if the backend fails; the film must not be used any more then.
-    fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError>;
-
-    /// Does the same as [`Renderer::advance`]. `more` is the number of samples that the device may
-    /// start speculatively while the host reads the film. It never affects results. Pass 0 if
-    /// another run uses the device next, since the speculative work would be charged to its time.
-    ///
-    /// # Errors
-    /// Returns an error in the cases of [`Renderer::advance`].
-    fn advance_with_lookahead(
-        &mut self,
-        samples: u64,
-        _more: u64,
-    ) -> Result<WaveStats, RenderError> {
-        self.advance(samples)
-    }
-
-    /// Does the same as [`Renderer::advance_with_lookahead`]. A renderer that waits for another
-    /// program gives up as soon as `cancelled` returns true; others ignore it.
-    ///
-    /// # Errors
-    /// Returns an error in the cases of [`Renderer::advance`], and [`RenderError::Cancelled`].
-    fn advance_unless(
-        &mut self,
-        samples: u64,
-        more: u64,
-        _cancelled: &dyn Fn() -> bool,
-    ) -> Result<WaveStats, RenderError> {
-        self.advance_with_lookahead(samples, more)
-    }
-
-    /// Does the same as [`Renderer::advance`]. A renderer may give up as soon as `abandoned` returns
-    /// true. It must be dropped then, since only some pixels have the samples.
-    ///
-    /// # Errors
-    /// Returns an error in the cases of [`Renderer::advance`], and [`RenderError::Cancelled`].
-    fn advance_or_abandon(
-        &mut self,
-        samples: u64,
-        _abandoned: Abandoned,
-    ) -> Result<WaveStats, RenderError> {
-        self.advance(samples)
+    fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
+        self.render(&Advance::by(samples))
     }
 
     /// Whether each wave should be rendered by one call, since every call has a cost of its own that

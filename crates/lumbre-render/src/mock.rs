@@ -12,7 +12,7 @@ use std::io::{self, Write};
 use std::sync::Arc;
 
 use super::shaders::Shaders;
-use super::{BackendRow, Device, Job, OpenStats, RenderError, Renderer, WaveStats};
+use super::{Advance, BackendRow, Device, Job, OpenStats, RenderError, Renderer, WaveStats};
 use lumbre_light::film::Film;
 use lumbre_light::film::state::StateReader;
 use lumbre_light::scene::CompiledScene;
@@ -118,7 +118,8 @@ impl MockRenderer {
 }
 
 impl Renderer for MockRenderer {
-    fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
+    fn render(&mut self, request: &Advance<'_>) -> Result<WaveStats, RenderError> {
+        let samples = request.samples;
         if samples == 0 {
             return Ok(WaveStats::default());
         }

@@ -8,7 +8,7 @@
 use std::io::{self, Write};
 use std::sync::Arc;
 
-use super::{OpenStats, RenderError, Renderer, WaveStats};
+use super::{Advance, OpenStats, RenderError, Renderer, WaveStats};
 use lumbre_light::film::Film;
 use lumbre_light::film::layer::LayerFilm;
 use lumbre_light::film::state::{CheckpointMismatch, write_u64s};
@@ -50,17 +50,8 @@ impl ReferenceHalves {
 }
 
 impl Renderer for ReferenceHalves {
-    fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
-        self.advance_unless(samples, 0, &|| false)
-    }
-
-    fn advance_unless(
-        &mut self,
-        samples: u64,
-        _more: u64,
-        cancelled: &dyn Fn() -> bool,
-    ) -> Result<WaveStats, RenderError> {
-        let wanted = ReferenceHalves::split(self.joint.samples + samples);
+    fn render(&mut self, request: &Advance<'_>) -> Result<WaveStats, RenderError> {
+        let wanted = ReferenceHalves::split(self.joint.samples + request.samples);
         let mut wave = WaveStats::default();
         for (half, wanted) in self.halves.iter_mut().zip(wanted) {
             // A program with a time limit of its own may have rendered more than was requested.
@@ -68,7 +59,12 @@ impl Renderer for ReferenceHalves {
             if missing == 0 {
                 continue;
             }
-            match half.advance_unless(missing, 0, cancelled) {
+            let missing = Advance {
+                samples: missing,
+                more: 0,
+                ..*request
+            };
+            match half.render(&missing) {
                 // The first half's samples are kept; the next call completes the second half.
                 Err(RenderError::Cancelled { .. }) if wave.samples > 0 => break,
                 rendered => wave.add(&rendered?),
@@ -154,7 +150,8 @@ mod tests {
     }
 
     impl Renderer for Constant {
-        fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
+        fn render(&mut self, request: &Advance<'_>) -> Result<WaveStats, RenderError> {
+            let samples = request.samples;
             self.film.samples += samples;
             self.film.sum[0] = [self.value * self.film.samples as f64; 3];
             self.film.sum2[0] = [self.value * self.value * self.film.samples as f64; 3];

@@ -32,7 +32,7 @@ use lumbre_light::scene::compile::NONE;
 use lumbre_light::transport::contribution::Contribution;
 use lumbre_light::transport::ray::{Hit, Ray};
 use lumbre_render::path_trace::{MAX_PATH_EVENTS, PathEvent, SampleAt};
-use lumbre_render::{Job, OpenStats, RenderError, Renderer, WaveStats};
+use lumbre_render::{Advance, Job, OpenStats, RenderError, Renderer, WaveStats};
 
 /// Run of a job on a device. Fields are dropped in the order of their declaration: users before
 /// what they use.
@@ -505,16 +505,8 @@ pub fn into_render_error(kind: TracingMode, error: VulkanError) -> RenderError {
 }
 
 impl Renderer for VulkanRenderer {
-    fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
-        self.advance_with_lookahead(samples, 0)
-    }
-
-    fn advance_with_lookahead(
-        &mut self,
-        samples: u64,
-        more: u64,
-    ) -> Result<WaveStats, RenderError> {
-        self.wave(samples, more).map_err(|e| {
+    fn render(&mut self, request: &Advance<'_>) -> Result<WaveStats, RenderError> {
+        self.wave(request.samples, request.more).map_err(|e| {
             session::forget(&self.device);
             into_render_error(self.kind, e)
         })

@@ -15,7 +15,7 @@ use lumbre_light::transport::integrator::{IntegratorRow, integrators};
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::evaluator::Evaluator;
 use lumbre_render::shaders::Shaders;
-use lumbre_render::{Job, Renderer};
+use lumbre_render::{Advance, Job, Renderer};
 
 /// Path depth in edges, as in the tables of thesis S0.
 const MAX_DEPTH: u32 = 5;
@@ -120,7 +120,10 @@ fn measure_one(
         // Round 0 of each mode follows a wave of the other mode and is not counted.
         for round in 0..=repeats {
             let wave = renderer
-                .advance_with_lookahead(samples, more)
+                .render(&Advance {
+                    more,
+                    ..Advance::by(samples)
+                })
                 .map_err(|e| e.to_string())?;
             evaluator
                 .eval(&renderer.film().mean())

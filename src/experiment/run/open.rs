@@ -19,7 +19,7 @@ use lumbre_render::denoise;
 use lumbre_render::external::{self, Access};
 use lumbre_render::hierarchy::LaneMode;
 use lumbre_render::reference_halves::ReferenceHalves;
-use lumbre_render::{Job, RenderError, Renderer, WaveStats};
+use lumbre_render::{Advance, Job, RenderError, Renderer, Until, WaveStats};
 
 /// Point from which a newly opened run continues.
 #[derive(Default)]
@@ -63,7 +63,12 @@ impl<'a> NightRunner<'a, '_> {
             if next == 0 || self.control.stop_requested() || self.deadline_passed() {
                 break;
             }
-            done.add(&advance(&mut renderer, next, &self.cancellation())?);
+            let cancelled = self.cancellation();
+            let request = Advance {
+                until: Until::Cancelled(&cancelled),
+                ..Advance::by(next)
+            };
+            done.add(&advance(&mut renderer, &request)?);
         }
         catch_panic("closing the backend", || drop(renderer))?;
         let text = format!(
@@ -190,32 +195,19 @@ impl<'a> NightRunner<'a, '_> {
     }
 }
 
-/// Renders samples per pixel. The slot is empty afterwards if the renderer panicked.
+/// Renders what is requested. The slot is empty afterwards if the renderer panicked.
 pub(super) fn advance(
     slot: &mut Option<Box<dyn Renderer>>,
-    samples: u64,
-    cancelled: &dyn Fn() -> bool,
-) -> Result<WaveStats, AttemptError> {
-    advance_with_lookahead(slot, samples, 0, cancelled)
-}
-
-/// Renders samples per pixel, like [`advance`]; `more` further samples are likely to be requested
-/// next. A renderer that waits for another program gives up when `cancelled` returns true.
-pub(super) fn advance_with_lookahead(
-    slot: &mut Option<Box<dyn Renderer>>,
-    samples: u64,
-    more: u64,
-    cancelled: &dyn Fn() -> bool,
+    request: &Advance<'_>,
 ) -> Result<WaveStats, AttemptError> {
     let Some(mut renderer) = slot.take() else {
         return Err("the renderer is not open".to_owned().into());
     };
-    let stats = catch_panic("rendering", || {
-        renderer.advance_unless(samples, more, cancelled)
-    })?;
+    let stats = catch_panic("rendering", || renderer.render(request))?;
     *slot = Some(renderer);
     match stats {
         Ok(stats) if stats.samples == 0 => {
+            let samples = request.samples;
             Err(format!("the renderer returned none of {samples} requested samples").into())
         }
         stats => Ok(stats?),

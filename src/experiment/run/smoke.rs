@@ -16,6 +16,7 @@ use lumbre_light::transport::integrator::external::is_external;
 use lumbre_light::transport::integrator::integrator;
 use lumbre_render::Settings;
 use lumbre_render::external::technique_of;
+use lumbre_render::{Advance, Until};
 
 /// Greatest width and height of the rendered pictures in pixels. The pass detects errors, not slow
 /// runs or lack of memory.
@@ -155,7 +156,17 @@ impl NightRunner<'_, '_> {
         let scene = self.compiled(&request)?;
         let mut renderer = Some(self.open(&request, &scene, None)?);
         let pipeline_s = (renderer.as_ref()).map_or(0.0, |r| r.open_stats().pipeline_s);
-        let stats = advance(&mut renderer, 1, &self.cancellation())?;
+        let stats = {
+            let cancelled = self.cancellation();
+            let until = Until::Cancelled(&cancelled);
+            advance(
+                &mut renderer,
+                &Advance {
+                    until,
+                    ..Advance::by(1)
+                },
+            )?
+        };
         self.throughput.record_smoke_sample(
             WorkloadKey::from_config(config),
             stats.paths as f64 / stats.render_s,

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use super::active_run::{ActiveRun, EndedRun, RunRequest};
 use super::attempt::{AttemptError, CheckpointState};
-use super::open::{advance_with_lookahead, catch_panic};
+use super::open::{advance, catch_panic};
 use super::state::NightRunner;
 use super::waves::{SLICE_S, WaveSizer, max_lookahead, slice_samples};
 use crate::experiment::event::Event;
@@ -22,7 +22,7 @@ use lumbre_light::film::time::bytes;
 use lumbre_light::transport::path_time::Timing;
 use lumbre_metrics::evaluator::Evaluator;
 use lumbre_render::cpu::kept_bytes;
-use lumbre_render::{RenderError, Renderer};
+use lumbre_render::{Advance, RenderError, Renderer, Until};
 
 /// Render time of a slice of an interleaved run, seconds. Short turns make the conditions of the
 /// techniques more alike.
@@ -285,7 +285,12 @@ impl<'a> NightRunner<'a, '_> {
         let (control, stops) = (self.control, self.cancellation());
         let cancelled =
             || stops() || (leads && (control.skip_requested() || control.restart_requested()));
-        let stats = match advance_with_lookahead(&mut attempt.renderer, samples, more, &cancelled) {
+        let request = Advance {
+            samples,
+            more,
+            until: Until::Cancelled(&cancelled),
+        };
+        let stats = match advance(&mut attempt.renderer, &request) {
             Err(AttemptError::Cancelled) => {
                 return Ok(self.handle_requests(cell, &attempt.progress, leads)?);
             }

@@ -9,7 +9,7 @@ use super::{Frame, Request, SLOTS, SessionOptions, Shared, Status, Wanted, lock}
 use crate::explore::settings::Limits;
 use lumbre_light::film::layer::LayerImage;
 use lumbre_light::film::{SharedImage, relative_noise};
-use lumbre_render::{Job, RenderError, Renderer, WaveStats};
+use lumbre_render::{Advance, Job, RenderError, Renderer, Until, WaveStats};
 
 /// Time that a wave should take, in seconds. A change of the settings abandons a wave anyway on the
 /// CPU; on other backends this is how long it waits.
@@ -205,7 +205,11 @@ impl Worker {
         let newest = &shared.newest[slot];
         let abandoned = || newest.load(Ordering::SeqCst) != number;
         let samples = open.next_wave(limits);
-        match open.opened.renderer.advance_or_abandon(samples, &abandoned) {
+        let request = Advance {
+            until: Until::Abandoned(&abandoned),
+            ..Advance::by(samples)
+        };
+        match open.opened.renderer.render(&request) {
             Ok(stats) => open.done.add(&stats),
             Err(RenderError::Cancelled { .. }) => {
                 run.state = RunState::Requested;
@@ -267,7 +271,11 @@ impl Worker {
         let Ok(mut coarse) = prepared.open(job) else {
             return;
         };
-        if coarse.advance_or_abandon(1, &abandoned).is_err() {
+        let request = Advance {
+            until: Until::Abandoned(&abandoned),
+            ..Advance::by(1)
+        };
+        if coarse.render(&request).is_err() {
             return;
         }
         let frame = Arc::new(Frame {

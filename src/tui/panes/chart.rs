@@ -543,3 +543,23 @@ fn axes(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::stop::Comparison;
+
+    #[test]
+    fn a_threshold_is_that_of_the_metric() {
+        let when = |column: &str, value: f64| StopRule::When {
+            column: column.to_owned(),
+            op: Comparison::Less,
+            value,
+            hold: 1,
+        };
+        let rule = StopRule::Any(vec![when("rmse", 0.01), when("flip", 0.2)]);
+        assert_eq!(threshold(&rule, "rmse"), Some(0.01));
+        assert_eq!(threshold(&rule, "flip"), Some(0.2));
+        assert_eq!(threshold(&rule, "ssim"), None);
+    }
+}

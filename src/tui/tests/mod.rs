@@ -5,6 +5,7 @@ mod fold;
 mod graphics;
 mod keys;
 mod lines;
+mod model;
 pub mod night;
 mod picture;
 mod screens;

@@ -14,7 +14,7 @@ use lumbre::experiment::{
 };
 use lumbre_light::film::{Film, Image};
 use lumbre_render::mock::{MockRenderer, SECONDS_PER_PATH};
-use lumbre_render::{OpenStats, RenderError, Renderer, WaveStats};
+use lumbre_render::{Advance, OpenStats, RenderError, Renderer, WaveStats};
 
 use crate::experiment::fixtures::Lab;
 
@@ -75,10 +75,10 @@ struct SlowRenderer {
 }
 
 impl Renderer for SlowRenderer {
-    fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
+    fn render(&mut self, request: &Advance<'_>) -> Result<WaveStats, RenderError> {
         Ok(WaveStats {
-            render_s: self.sample_s * samples as f64,
-            ..self.mock.advance(samples)?
+            render_s: self.sample_s * request.samples as f64,
+            ..self.mock.render(request)?
         })
     }
 

@@ -15,7 +15,7 @@ use lumbre_light::film::Film;
 use lumbre_light::transport::camera::FilterKind;
 use lumbre_render::Settings;
 use lumbre_render::mock::MockRenderer;
-use lumbre_render::{Job, OpenStats, RenderError, Renderer, WaveStats};
+use lumbre_render::{Advance, Job, OpenStats, RenderError, Renderer, WaveStats};
 
 use crate::experiment::fixtures::{Lab, Memory, Night, Recorder, at, config, ints, whole_at};
 
@@ -57,13 +57,19 @@ struct Machine {
 }
 
 impl Renderer for SlowingRenderer {
-    fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
-        let stats = self.inner.advance(samples)?;
+    fn render(&mut self, request: &Advance<'_>) -> Result<WaveStats, RenderError> {
+        let samples = request.samples;
+        let stats = self.inner.render(request)?;
         self.machine
             .calls
             .lock()
             .unwrap()
             .push((self.seed, samples));
+        self.machine
+            .ahead
+            .lock()
+            .unwrap()
+            .push((self.film().samples, request.more));
         let mut worked_s = self.machine.worked_s.lock().unwrap();
         let before_s = *worked_s;
         for _ in 0..samples {
@@ -73,20 +79,6 @@ impl Renderer for SlowingRenderer {
             render_s: *worked_s - before_s,
             ..stats
         })
-    }
-
-    fn advance_with_lookahead(
-        &mut self,
-        samples: u64,
-        more: u64,
-    ) -> Result<WaveStats, RenderError> {
-        let stats = self.advance(samples)?;
-        self.machine
-            .ahead
-            .lock()
-            .unwrap()
-            .push((self.film().samples, more));
-        Ok(stats)
     }
 
     fn film(&self) -> &Film {

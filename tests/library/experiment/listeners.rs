@@ -11,7 +11,7 @@ use lumbre_light::transport::path_time::Timing;
 use lumbre_light::value::Value;
 use lumbre_render::Settings;
 use lumbre_render::mock::MockRenderer;
-use lumbre_render::{OpenStats, RenderError, Renderer, WaveStats};
+use lumbre_render::{Advance, OpenStats, RenderError, Renderer, WaveStats};
 
 use crate::experiment::fixtures::{Lab, Night, Recorder, config, depths, label, whole_at};
 
@@ -24,8 +24,8 @@ struct FaultyRenderer {
 }
 
 impl Renderer for FaultyRenderer {
-    fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
-        let stats = self.inner.advance(samples)?;
+    fn render(&mut self, request: &Advance<'_>) -> Result<WaveStats, RenderError> {
+        let stats = self.inner.render(request)?;
         Ok((self.act)(&stats, self.inner.film()))
     }
 

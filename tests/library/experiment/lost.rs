@@ -18,7 +18,7 @@ use lumbre::experiment::{
 };
 use lumbre_light::film::{Film, Image};
 use lumbre_render::mock::MockRenderer;
-use lumbre_render::{OpenStats, RenderError, Renderer, WaveStats};
+use lumbre_render::{Advance, OpenStats, RenderError, Renderer, WaveStats};
 
 use crate::experiment::fixtures::{Lab, Recorder, config};
 
@@ -74,12 +74,12 @@ fn device_lost() -> RenderError {
 }
 
 impl Renderer for LossyRenderer {
-    fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
+    fn render(&mut self, request: &Advance<'_>) -> Result<WaveStats, RenderError> {
         self.lost |= self.left.fetch_sub(1, Ordering::Relaxed) == 0;
         if self.lost {
             Err(device_lost())
         } else {
-            self.mock.advance(samples)
+            self.mock.render(request)
         }
     }
 

@@ -26,7 +26,7 @@ use super::prepared_scene::{PreparedScene, RenderThreads};
 use super::wavefront::Wavefront;
 use crate::device::Features;
 use crate::hierarchy::{AccelSpec, Builder};
-use crate::{Abandoned, Device, Job, OpenStats, RenderError, Renderer, WaveStats};
+use crate::{Abandoned, Advance, Device, Job, OpenStats, RenderError, Renderer, Until, WaveStats};
 use lumbre_light::film::Film;
 use lumbre_light::film::layer::LayerFilm;
 use lumbre_light::film::splat::{SplatBuffer, SplatSums};
@@ -433,16 +433,11 @@ fn add_sample(
 }
 
 impl Renderer for CpuRenderer {
-    fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
-        Ok(self.wave(samples, &|| false))
-    }
-
-    fn advance_or_abandon(
-        &mut self,
-        samples: u64,
-        abandoned: Abandoned,
-    ) -> Result<WaveStats, RenderError> {
-        let stats = self.wave(samples, abandoned);
+    fn render(&mut self, request: &Advance<'_>) -> Result<WaveStats, RenderError> {
+        let Until::Abandoned(abandoned) = request.until else {
+            return Ok(self.wave(request.samples, &|| false));
+        };
+        let stats = self.wave(request.samples, abandoned);
         if abandoned() {
             return Err(RenderError::Cancelled { backend: "cpu" });
         }

@@ -14,7 +14,7 @@ use std::time::Instant;
 
 use self::atrous::{AtrousSettings, Guided};
 use self::oidn::OidnFilter;
-use super::{Abandoned, Job, OpenStats, Picture, RenderError, Renderer, WaveStats};
+use super::{Advance, Job, OpenStats, Picture, RenderError, Renderer, WaveStats};
 use lumbre_light::film::layer::{Layer, LayerFilm};
 use lumbre_light::film::state::{CheckpointMismatch, write_u64s};
 use lumbre_light::film::time::TimeCube;
@@ -250,36 +250,8 @@ impl Denoised {
 }
 
 impl Renderer for Denoised {
-    fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
-        let wave = self.inner.advance(samples);
-        self.counted(wave)
-    }
-
-    fn advance_with_lookahead(
-        &mut self,
-        samples: u64,
-        more: u64,
-    ) -> Result<WaveStats, RenderError> {
-        let wave = self.inner.advance_with_lookahead(samples, more);
-        self.counted(wave)
-    }
-
-    fn advance_unless(
-        &mut self,
-        samples: u64,
-        more: u64,
-        cancelled: &dyn Fn() -> bool,
-    ) -> Result<WaveStats, RenderError> {
-        let wave = self.inner.advance_unless(samples, more, cancelled);
-        self.counted(wave)
-    }
-
-    fn advance_or_abandon(
-        &mut self,
-        samples: u64,
-        abandoned: Abandoned,
-    ) -> Result<WaveStats, RenderError> {
-        let wave = self.inner.advance_or_abandon(samples, abandoned);
+    fn render(&mut self, request: &Advance<'_>) -> Result<WaveStats, RenderError> {
+        let wave = self.inner.render(request);
         self.counted(wave)
     }
 
@@ -392,7 +364,8 @@ mod tests {
     }
 
     impl Renderer for Second {
-        fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
+        fn render(&mut self, request: &Advance<'_>) -> Result<WaveStats, RenderError> {
+            let samples = request.samples;
             self.film.samples += samples;
             Ok(WaveStats {
                 samples,

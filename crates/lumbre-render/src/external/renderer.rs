@@ -13,7 +13,7 @@ use super::process::{Patience, Process, Talk};
 use super::server::Server;
 use super::technique::{SceneSource, Technique};
 use super::{Access, failed, interrupted, with_output, words};
-use crate::{Device, DeviceKind, Job, OpenStats, Peer, RenderError, Renderer, WaveStats};
+use crate::{Advance, Device, DeviceKind, Job, OpenStats, Peer, RenderError, Renderer, WaveStats};
 use lumbre_light::film::Film;
 use lumbre_light::film::layer::{LayerFilm, LayerLayout};
 use lumbre_light::film::state::{StateReader, write_u64s};
@@ -130,7 +130,7 @@ impl ExternalRenderer {
     }
 
     /// Renders a wave.
-    fn render(&mut self, samples: u64, cancelled: &dyn Fn() -> bool) -> Result<Wave, RenderError> {
+    fn run(&mut self, samples: u64, cancelled: &dyn Fn() -> bool) -> Result<Wave, RenderError> {
         let file = self
             .folder
             .path()
@@ -228,20 +228,12 @@ impl ExternalRenderer {
 }
 
 impl Renderer for ExternalRenderer {
-    fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
-        self.advance_unless(samples, 0, &|| false)
-    }
-
-    fn advance_unless(
-        &mut self,
-        samples: u64,
-        _more: u64,
-        cancelled: &dyn Fn() -> bool,
-    ) -> Result<WaveStats, RenderError> {
+    fn render(&mut self, request: &Advance<'_>) -> Result<WaveStats, RenderError> {
+        let samples = request.samples;
         if samples == 0 {
             return Ok(WaveStats::default());
         }
-        let wave = self.render(samples, cancelled)?;
+        let wave = self.run(samples, &|| request.until.is_now())?;
         let samples = wave.samples;
         let invalid = self.batches.add(&wave.pictures.radiance, samples);
         let films = self.layers.iter_mut().zip(self.layout.films());

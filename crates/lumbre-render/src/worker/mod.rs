@@ -28,7 +28,7 @@ pub use serve::{WorkerCalls, serve};
 
 use self::message::{Reply, Request};
 use self::shared::SharedFilm;
-use super::{Job, OpenStats, RenderError, Renderer, WaveStats};
+use super::{Advance, Job, OpenStats, RenderError, Renderer, WaveStats};
 use lumbre_light::film::Film;
 use lumbre_light::film::layer::{LayerFilm, LayerLayout};
 use lumbre_light::film::time::TimeCube;
@@ -244,15 +244,8 @@ impl WorkerRenderer {
 }
 
 impl Renderer for WorkerRenderer {
-    fn advance(&mut self, samples: u64) -> Result<WaveStats, RenderError> {
-        self.advance_with_lookahead(samples, 0)
-    }
-
-    fn advance_with_lookahead(
-        &mut self,
-        samples: u64,
-        more: u64,
-    ) -> Result<WaveStats, RenderError> {
+    fn render(&mut self, request: &Advance<'_>) -> Result<WaveStats, RenderError> {
+        let Advance { samples, more, .. } = *request;
         let start = Instant::now();
         let stats = match self.request_within(
             &Request::Advance(self.run, samples, more),

@@ -13,7 +13,7 @@ use super::frame;
 use super::message::{Reply, Request};
 use super::process::HEARTBEAT;
 use super::shared::SharedFilm;
-use crate::{Job, RenderError, Renderer};
+use crate::{Advance, Job, RenderError, Renderer};
 use lumbre_light::scene::CompiledScene;
 
 /// Function that opens a run of a backend in this process.
@@ -164,7 +164,10 @@ impl WorkerSession<'_> {
                     renderer,
                     film: shared,
                 } = self.run(run)?;
-                let stats = renderer.advance_with_lookahead(samples, more)?;
+                let stats = renderer.render(&Advance {
+                    more,
+                    ..Advance::by(samples)
+                })?;
                 let film = renderer.film();
                 if shared
                     .as_ref()
