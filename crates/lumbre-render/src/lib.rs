@@ -274,7 +274,7 @@ pub struct Picture {
 /// returned true, it does so for ever.
 pub type Abandoned<'a> = &'a (dyn Fn() -> bool + Sync);
 
-/// What a call of [`Renderer::render`] is to do.
+/// Request of samples: the argument of [`Renderer::render`].
 #[derive(Clone, Copy)]
 pub struct Advance<'a> {
     /// Samples to add to every pixel.
@@ -292,8 +292,8 @@ pub struct Advance<'a> {
 pub enum Until<'a> {
     /// It does not.
     Done,
-    /// Where it waits for another program, as soon as the function returns true. The film is then as
-    /// before.
+    /// As soon as the function returns true, but only while it waits for another program. The film is
+    /// then as before.
     Cancelled(&'a dyn Fn() -> bool),
     /// As soon as the function returns true, or later. The renderer must be dropped then, since only
     /// some pixels have the samples.
