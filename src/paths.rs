@@ -2,14 +2,10 @@
 
 use std::path::Path;
 
+pub use lumbre_render::settings::find::folder_of;
+
 /// Name of the copy of the script in the folder of a night.
 pub const SCRIPT_COPY: &str = "experiment.lua";
-
-/// Returns the folder of a file: `.` for a file name alone.
-pub fn folder_of(file: &Path) -> &Path {
-    let parent = file.parent().filter(|p| !p.as_os_str().is_empty());
-    parent.unwrap_or(Path::new("."))
-}
 
 /// Returns the extension of a file in lower case; empty if it has none.
 pub fn extension(file: &Path) -> String {

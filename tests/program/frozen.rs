@@ -191,8 +191,8 @@ fn a_night_of_an_earlier_version_is_opened_reported_and_resumed() {
     // Commit bbf0032f rendered it, and was interrupted in the second of four cells.
     let old = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/program/frozen/old");
     let place = Workplace::new();
-    copy_folder(&old.join("results"), &place.path("out"));
-    std::fs::copy(old.join("night.lua"), place.path("night.lua")).unwrap();
+    copy_folder(&old, &place.path("out"));
+    place.write("night.lua", &place.read("out/old-9169/experiment.lua"));
     let counts = |name: &str| {
         let status = place.succeed(&["status", name, "--json"]).stdout;
         let status: Json = serde_json::from_str(&status).unwrap();

@@ -157,7 +157,7 @@ pub(super) const FILE: &str = "file";
 
 /// Returns the identity of a reference from a file: the hash of its content, wherever it is.
 pub(super) fn reference_file(content: &blake3::Hash) -> Value {
-    map([
+    Value::from_iter([
         ("format", Value::Int(FORMAT)),
         (FILE, Value::Str(content.to_hex().to_string())),
     ])
@@ -170,7 +170,7 @@ pub(super) fn reference_file(content: &blake3::Hash) -> Value {
 /// the EXR files beside them do not depend on it.
 pub(super) fn measure(measure: &MeasureSpec, measured: bool) -> Value {
     let metric = |m: &MetricSpec| {
-        map([
+        Value::from_iter([
             ("column", m.column.as_str().into()),
             ("value", m.identity()),
         ])
@@ -209,7 +209,7 @@ pub(super) fn cell_stop(rule: &StopRule, script_hash: &[u8; 32], point: &Point) 
             .iter()
             .map(|(name, value)| (name.clone(), value.clone()))
             .collect();
-        map([("script", hex(script_hash)), ("point", Value::Map(point))])
+        Value::from_iter([("script", hex(script_hash)), ("point", Value::Map(point))])
     })
 }
 
@@ -217,7 +217,7 @@ pub(super) fn cell_stop(rule: &StopRule, script_hash: &[u8; 32], point: &Point) 
 /// hash and their number, so that the points which share a reference continue to share it.
 pub(super) fn reference_stop(rule: &StopRule, script_hash: &[u8; 32]) -> Value {
     rule.canonical(&|id| {
-        map([
+        Value::from_iter([
             ("script", hex(script_hash)),
             ("number", Value::Int(id as i64)),
         ])
@@ -239,7 +239,7 @@ pub(super) fn plan_hash(plan: &Plan) -> String {
             Value::List(point),
         ])
     };
-    let identity = map([
+    let identity = Value::from_iter([
         ("format", Value::Int(FORMAT)),
         ("name", plan.name.as_str().into()),
         ("cells", Value::List(plan.cells.iter().map(cell).collect())),
@@ -281,15 +281,15 @@ fn figure(figure: &FigureSpec) -> Value {
             .map(|(axis, values)| (axis.clone(), Value::List(values.clone())));
         fields.push(("only", Value::Map(kept.collect())));
     }
-    map(fields)
+    Value::from_iter(fields)
 }
 
 /// Canonical form of a quantity.
 fn table_value(value: &TableValue) -> Value {
     match value {
-        TableValue::Metric(column) => map([("metric", column.as_str().into())]),
+        TableValue::Metric(column) => Value::from_iter([("metric", column.as_str().into())]),
         TableValue::Run(column) => column.row().hashed.into(),
-        TableValue::TimeTo { column, threshold } => map([
+        TableValue::TimeTo { column, threshold } => Value::from_iter([
             ("time_to", column.as_str().into()),
             ("threshold", Value::number(*threshold)),
         ]),
@@ -303,7 +303,7 @@ fn table(table: &TableSpec) -> Value {
         .iter()
         .map(|f| Value::Str(format!("{f:?}").to_lowercase()))
         .collect();
-    map([
+    Value::from_iter([
         ("name", table.name.as_str().into()),
         ("value", table_value(&table.value)),
         ("rows", texts(&table.rows)),
@@ -319,15 +319,6 @@ fn texts(texts: &[String]) -> Value {
 /// Canonical form of a hash: 64 hex digits.
 fn hex(hash: &[u8; 32]) -> Value {
     Value::Str(blake3::Hash::from_bytes(*hash).to_hex().to_string())
-}
-
-fn map<'a>(fields: impl IntoIterator<Item = (&'a str, Value)>) -> Value {
-    Value::Map(
-        fields
-            .into_iter()
-            .map(|(key, value)| (key.to_owned(), value))
-            .collect(),
-    )
 }
 
 #[cfg(test)]

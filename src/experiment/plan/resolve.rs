@@ -49,7 +49,7 @@ impl Renderable {
     pub(super) fn use_scalar_path(&mut self) {
         let config = Arc::make_mut(&mut self.config);
         config.accel = config.accel.scalar();
-        // What is left out of an identity was in none before it existed.
+        // The scalar path may have no entry.
         self.picture.remove("accel");
         self.picture.extend(config.identity());
     }

@@ -1,6 +1,6 @@
 //! Groups the runs of nights into a study: repeats, compared series, and facets in separate panels.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::ReportError;
 use super::series::Series;
@@ -165,13 +165,7 @@ impl<'a> Study<'a> {
 
     /// Returns the distinct values of an axis, in plan order.
     pub fn values(&self, axis: &str) -> Vec<String> {
-        let mut values: Vec<String> = Vec::new();
-        for value in self.all().filter_map(|m| m.run.axis_value(axis)) {
-            if !values.contains(&value) {
-                values.push(value);
-            }
-        }
-        values
+        distinct(self.all().filter_map(|m| m.run.axis_value(axis)))
     }
 
     /// Returns whether the value of `from` determines that of `axis` in all runs, as for zipped
@@ -454,6 +448,12 @@ impl<'a> Study<'a> {
             }
         }
     }
+}
+
+/// Returns each value once, in the order in which they first occur.
+pub(super) fn distinct(values: impl Iterator<Item = String>) -> Vec<String> {
+    let mut seen = BTreeSet::new();
+    values.filter(|value| seen.insert(value.clone())).collect()
 }
 
 /// Returns whether an axis selects the integrator of all runs.

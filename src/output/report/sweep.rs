@@ -1,11 +1,14 @@
 //! Figures of final values over an axis of the sweep: errors, rates, and properties of
 //! acceleration structures.
 
+use std::collections::BTreeMap;
+
 use super::ReportError;
 use super::convergence::{mean_and_band, mean_name, provenance, separate_devices};
 use super::item::ReportItem;
 use super::pgfplots::PgfFigure;
 use super::study::{Member, ReportOptions, Study};
+use crate::experiment::night_results::RunResult;
 use crate::experiment::spec::{RunColumn, TableValue};
 use crate::output::dependent_axes;
 use crate::output::format;
@@ -51,6 +54,8 @@ fn metric<'a>(study: &'a Study, quantity: &TableValue) -> Option<&'a MetricSpec>
 pub(super) struct SweepAxis<'a> {
     name: &'a str,
     pub(super) values: Vec<String>,
+    /// Index of every value.
+    indices: BTreeMap<String, usize>,
     /// Values as numbers, if all are finite numbers. Otherwise each value is drawn at its index.
     numbers: Option<Vec<f64>>,
     /// Axes that are determined by this one. They do not distinguish lines.
@@ -63,12 +68,19 @@ impl<'a> SweepAxis<'a> {
             .iter()
             .map(|v| v.parse().ok().filter(|x: &f64| x.is_finite()))
             .collect();
+        let indices = values.iter().cloned().zip(0..).collect();
         SweepAxis {
             name,
             values,
+            indices,
             numbers,
             dependent,
         }
+    }
+
+    /// Returns the index of a run's value; `None` if it is not on the axis.
+    pub(super) fn index(&self, run: &RunResult) -> Option<usize> {
+        self.indices.get(&run.axis_value(self.name)?).copied()
     }
 
     /// Returns the position of a value on the drawn axis.
@@ -413,8 +425,7 @@ pub(super) fn sweep_points(
 ) -> Vec<SweepPoint> {
     let mut finals: Vec<Option<Vec<f64>>> = vec![Some(Vec::new()); over.values.len()];
     for member in members.iter().filter(|m| m.run.is_done()) {
-        let value = member.run.axis_value(over.name);
-        let Some(index) = over.values.iter().position(|v| Some(v) == value.as_ref()) else {
+        let Some(index) = over.index(member.run) else {
             continue;
         };
         let drawn = drawn_value(study, quantity, member);

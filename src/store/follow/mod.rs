@@ -30,7 +30,6 @@ use crate::experiment::{CellRef, Outcome, PlanOutline, WaveRow};
 use event::{FollowEvent, TimedEvent};
 use lumbre_light::film::Image;
 use lumbre_render::OpenStats;
-use lumbre_render::settings::StoredSettings;
 use run::FollowedRun;
 
 /// Interval at which the workers' heartbeats are read.
@@ -304,8 +303,8 @@ impl Follower {
     /// Begins to follow a run, given the journal line of its start.
     fn start(&mut self, cell: CellRef, line: &WorkerLine) -> (FollowEvent, FollowedRun) {
         let run = self.night.run(cell);
-        let render = run.config().ok().and_then(|config| config.render);
-        let config = render.and_then(StoredSettings::into_known);
+        let config = run.config().ok();
+        let config = config.and_then(|config| config.settings().cloned().map(Box::new));
         let open = match &line.event {
             JournalEvent::CellStarted(start) => start.stats(),
             JournalEvent::ShardStarted(start) => start.stats(),

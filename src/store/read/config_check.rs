@@ -8,7 +8,6 @@ use crate::experiment::plan::identity_check::{self, ClaimedSettings};
 use crate::store::schema::StoredFile;
 use crate::store::schema::plan::PlanFile;
 use crate::store::schema::run::ConfigFile;
-use lumbre_render::settings::StoredSettings;
 
 /// Checks that a configuration belongs to the run in this folder, and that everything in it that
 /// decides the picture is what the id was made of.
@@ -33,12 +32,11 @@ pub(super) fn check(folder: &Path, config: &ConfigFile) -> Result<(), String> {
     {
         return wrong("its plan is not that of the night");
     }
-    let settings = config.render.as_ref().map(StoredSettings::known);
-    if matches!(settings, Some(None)) {
+    if config.render.is_some() && config.settings().is_none() {
         return wrong("this version does not know a filter, layer or time axis in it");
     }
     let claimed = ClaimedSettings {
-        config: settings.flatten().cloned(),
+        config: config.settings().cloned(),
         seed: config.seed,
         seeds: config.seeds,
         shard_samples: config.shard_samples,

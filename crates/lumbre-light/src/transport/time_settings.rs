@@ -230,10 +230,7 @@ impl Timing {
         if labels && self.metres > 0.0 {
             time.push(("metres", Value::number(self.metres)));
         }
-        let map = |pairs: Vec<(&str, Value)>| {
-            Value::Map(pairs.into_iter().map(|(k, v)| (k.to_owned(), v)).collect())
-        };
-        map(vec![("time", map(time))])
+        Value::from_iter([("time", Value::from_iter(time))])
     }
 
     /// Returns the seconds that light takes for the optical length of one scene unit; `None` if the

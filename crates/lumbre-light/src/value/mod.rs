@@ -195,6 +195,14 @@ impl From<f64> for Value {
     }
 }
 
+/// A map of keys and values.
+impl<'a> FromIterator<(&'a str, Value)> for Value {
+    fn from_iter<I: IntoIterator<Item = (&'a str, Value)>>(fields: I) -> Value {
+        let fields = fields.into_iter();
+        Value::Map(fields.map(|(key, value)| (key.to_owned(), value)).collect())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

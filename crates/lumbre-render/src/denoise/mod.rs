@@ -107,14 +107,6 @@ impl Denoise {
     }
 }
 
-/// Returns the layers that a run renders: those that it stores, and the guides of its denoiser.
-pub fn rendered_layers(stored: &[Layer], denoise: Option<&Denoise>) -> Vec<Layer> {
-    let guides = if denoise.is_some() { &GUIDES[..] } else { &[] };
-    let mut layers = stored.to_vec();
-    layers.extend(guides.iter().filter(|guide| !stored.contains(guide)));
-    layers
-}
-
 /// Opens the renderer of a job by `start`, with the denoiser of its settings if there is one.
 ///
 /// # Errors
@@ -343,17 +335,6 @@ mod tests {
             assert_eq!(Denoise::from_value(&denoise.to_value()), Some(denoise));
         }
         assert_eq!(Denoise::from_name("none", &none), None);
-    }
-
-    #[test]
-    fn guides_are_rendered_once_and_only_for_a_denoiser() {
-        let atrous = Denoise::from_name("atrous", &BTreeMap::new());
-        let stored = [Layer::Normal, Layer::Rays];
-        assert_eq!(rendered_layers(&stored, None), stored);
-        assert_eq!(
-            rendered_layers(&stored, atrous.as_ref()),
-            [Layer::Normal, Layer::Rays, Layer::Albedo]
-        );
     }
 
     /// Run without noise whose waves take a second, on a backend of its own.

@@ -34,7 +34,7 @@ pub(super) const CAMERA: Table = Table {
             },
             "",
             "f-number: focal length over diameter of the lens; an alternative to `aperture` \
-                  that needs `focal_length` or `sensor_height`",
+             that needs `focal_length` or `sensor_height`",
         ),
         Field::optional(
             "focal_length",
@@ -53,7 +53,7 @@ pub(super) const CAMERA: Table = Table {
             },
             "",
             "height of the sensor in scene units; together with `fov` it determines \
-                  `focal_length`",
+             `focal_length`",
         ),
         Field::optional(
             "focus_distance",
@@ -63,7 +63,7 @@ pub(super) const CAMERA: Table = Table {
             },
             "",
             "distance from the lens to the plane in focus, in scene units; by default the \
-                  scene's, or the distance of `target`",
+             scene's, or the distance of `target`",
         ),
         Field::optional(
             "fov",
@@ -79,7 +79,7 @@ pub(super) const CAMERA: Table = Table {
             Ty::Word(&CAMERA_KIND_NAMES),
             "",
             "how the camera maps the scene to its picture; `orthographic` and `spherical` \
-                  cameras have no lens",
+             cameras have no lens",
         ),
         Field::optional(
             "position",
@@ -125,7 +125,7 @@ pub(super) const CAMERA: Table = Table {
             WINDOW,
             "",
             "part of the view that the picture shows: left, right, upper and lower edge, in \
-                  fractions of the whole from its upper left corner",
+             fractions of the whole from its upper left corner",
         ),
     ],
 };

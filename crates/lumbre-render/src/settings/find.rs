@@ -126,7 +126,7 @@ fn help_for_missing(places: &[PathBuf]) -> String {
 }
 
 /// Returns the folder of a file: `.` for a file name alone.
-fn folder_of(file: &Path) -> &Path {
+pub fn folder_of(file: &Path) -> &Path {
     let parent = file.parent().filter(|p| !p.as_os_str().is_empty());
     parent.unwrap_or(Path::new("."))
 }

@@ -235,7 +235,10 @@ pub static SETTINGS: [Setting; 18] = [
         identity: |settings| {
             let radius = Value::number(f64::from(settings.filter.radius));
             let kind = settings.filter.kind.name().into();
-            Some(("filter", map([("kind", kind), ("radius", radius)])))
+            Some((
+                "filter",
+                Value::from_iter([("kind", kind), ("radius", radius)]),
+            ))
         },
     },
     Setting {
@@ -257,7 +260,7 @@ pub static SETTINGS: [Setting; 18] = [
         },
         identity: |settings| {
             let row = sampler(&settings.sampler)?;
-            Some(("sampler", map(named(row.name, row.revision))))
+            Some(("sampler", Value::from_iter(named(row.name, row.revision))))
         },
     },
     Setting {
@@ -443,7 +446,9 @@ fn integrator_identity(settings: &Settings) -> Option<Value> {
     let library = own::library(row).map(|hash| (LIBRARY, hash.into()));
     let row = named(&settings.integrator, row.revision);
     let params = [("params", Value::Map(params))];
-    Some(map(row.into_iter().chain(params).chain(library)))
+    Some(Value::from_iter(
+        row.into_iter().chain(params).chain(library),
+    ))
 }
 
 /// Returns what identifies a row of a table.
@@ -453,11 +458,6 @@ fn named(name: &str, revision: u32) -> [(&'static str, Value); 2] {
 
 /// Key of the hash of a technique's library among the fields of the integrator in an identity.
 pub const LIBRARY: &str = "library";
-
-fn map<'a>(fields: impl IntoIterator<Item = (&'a str, Value)>) -> Value {
-    let fields = fields.into_iter();
-    Value::Map(fields.map(|(key, value)| (key.to_owned(), value)).collect())
-}
 
 fn optional(number: Option<u32>) -> Value {
     number.map_or(Value::Nil, Value::from)

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 pub use self::keys::{EDGES, Given, INTEGRATOR_NAMES, LIBRARY, SETTINGS, Setting};
 pub use self::stored::StoredSettings;
 use crate::Job;
-use crate::denoise::{Denoise, rendered_layers};
+use crate::denoise::{Denoise, GUIDES};
 use crate::hierarchy::AccelSpec;
 use crate::shaders::Shaders;
 use lumbre_light::film::layer::Layer;
@@ -94,7 +94,8 @@ settings! {
     pub accel: AccelSpec,
     /// Changes to the scene by path.
     pub set: BTreeMap<String, Value>,
-    /// Folder of shaders that replaced those of the program: its path `folder`, and the `hash` of the files that differed. Only of runs that have one.
+    /// Folder of shaders that replaced those of the program: its path `folder`, and the `hash` of the
+    /// files that differed. Only of runs that have one.
     #[serde(
         default = "stored::built_in_shaders",
         skip_serializing_if = "stored::has_no_folder",
@@ -133,7 +134,9 @@ impl Settings {
 
     /// Returns the layers that are rendered: those that are stored, and the guides of a denoiser.
     pub fn rendered_layers(&self) -> Vec<Layer> {
-        rendered_layers(&self.films, self.denoise.as_ref())
+        let guides = self.denoise.iter().flat_map(|_| GUIDES);
+        let others = guides.filter(|guide| !self.films.contains(guide));
+        self.films.iter().copied().chain(others).collect()
     }
 
     /// Returns what of the settings determines the picture and its measurements, in canonical form:
@@ -170,5 +173,25 @@ impl Settings {
             threads,
             view: None,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn guides_are_rendered_once_and_only_for_a_denoiser() {
+        let stored = [Layer::Normal, Layer::Rays];
+        let mut settings = Settings {
+            films: stored.to_vec(),
+            ..Settings::new("nee")
+        };
+        assert_eq!(settings.rendered_layers(), stored);
+        settings.denoise = Denoise::from_name("atrous", &BTreeMap::new());
+        assert_eq!(
+            settings.rendered_layers(),
+            [Layer::Normal, Layer::Rays, Layer::Albedo]
+        );
     }
 }

@@ -43,14 +43,6 @@ impl StoredSettings {
             StoredSettings::Unknown(_) => None,
         }
     }
-
-    /// Returns the settings, if this version knows them.
-    pub fn into_known(self) -> Option<Box<Settings>> {
-        match self {
-            StoredSettings::Known(settings) => Some(settings),
-            StoredSettings::Unknown(_) => None,
-        }
-    }
 }
 
 impl Default for StoredSettings {

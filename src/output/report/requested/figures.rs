@@ -20,7 +20,7 @@ use crate::output::plot::style::{Colour, style};
 use crate::output::repeats::BandKind;
 use crate::output::report::convergence::panel::{line_of_repeats, x_axis};
 use crate::output::report::series::BIASED;
-use crate::output::report::study::{Member, Study};
+use crate::output::report::study::{Member, Study, distinct};
 use crate::output::report::sweep::{SweepAxis, scale, sweep_band, sweep_points};
 use crate::output::{format, quantity};
 use crate::text::csv_line;
@@ -186,16 +186,8 @@ impl<'a> PictureOfFacet<'a> {
     /// axes that are not dependent.
     fn sweep(&self, over: &str, y: &[TableValue], roles: &AxisRoles) -> FigureContent {
         let study = self.study;
-        let mut values: Vec<String> = Vec::new();
-        for value in self
-            .members
-            .iter()
-            .filter_map(|(_, m)| m.run.axis_value(over))
-        {
-            if !values.contains(&value) {
-                values.push(value);
-            }
-        }
+        let members = self.members.iter();
+        let values = distinct(members.filter_map(|(_, m)| m.run.axis_value(over)));
         let axis = SweepAxis::new(over, values, Vec::new());
         let groups = self.lines(|name| name != over && !roles.dependent.iter().any(|d| d == name));
         let mut csv = self.csv_header();
@@ -219,10 +211,13 @@ impl<'a> PictureOfFacet<'a> {
             let mut lines = Vec::new();
             for (series, members) in &groups {
                 let mut points = sweep_points(study, &axis, value, members, scale);
+                let mut firsts = BTreeMap::new();
+                for member in members {
+                    firsts.entry(axis.index(member.run)).or_insert(member);
+                }
                 for point in &points {
                     let text = &axis.values[point.value];
-                    let at = |m: &&Member| m.run.axis_value(over).as_ref() == Some(text);
-                    let first = members.iter().find(at).unwrap_or(&members[0]);
+                    let first = firsts[&Some(point.value)];
                     let ends = (point.runs > 1).then_some(point.spread.ends);
                     csv += &csv_row(
                         (study, first, &value.name()),
@@ -239,7 +234,7 @@ impl<'a> PictureOfFacet<'a> {
         }
         set_axes(&mut panels, &scales, |_| axis.axis());
         let mut notes = roles.remarks.clone();
-        notes.extend(sweep_averaging(over, &axis.values, &groups, &panels));
+        notes.extend(sweep_averaging(&axis, &groups, &panels));
         FigureContent {
             notes: notes.join("; "),
             x_label: over.to_owned(),
@@ -436,16 +431,11 @@ fn averaging(lines: &[(usize, usize)]) -> String {
 }
 
 /// Describes what the points of lines over an axis average, unless each is a single run.
-fn sweep_averaging(
-    over: &str,
-    values: &[String],
-    groups: &Lines,
-    panels: &[Panel],
-) -> Option<String> {
+fn sweep_averaging(over: &SweepAxis, groups: &Lines, panels: &[Panel]) -> Option<String> {
     let repeats = |(series, members): &(usize, Vec<Member>)| {
-        let mut counts = vec![0; values.len()];
-        for value in members.iter().filter_map(|m| m.run.axis_value(over)) {
-            counts[values.iter().position(|v| *v == value).unwrap_or(0)] += 1;
+        let mut counts = vec![0; over.values.len()];
+        for index in members.iter().filter_map(|m| over.index(m.run)) {
+            counts[index] += 1;
         }
         let counts = counts.into_iter().filter(|count| *count > 0);
         let series = *series;
