@@ -1,6 +1,7 @@
 //! The whole terminal as a screen: entering and leaving it, a buffered terminal to draw on, and its
 //! input.
 
+use std::cell::Cell;
 use std::fs::File;
 use std::io::{self, BufWriter, IsTerminal, Stdout};
 use std::time::Duration;
@@ -109,10 +110,12 @@ pub fn cell_size(graphics: Graphics) -> [u16; 2] {
 pub struct InputEvents {
     /// Terminal whose keyboard is read.
     keyboard: Keyboard,
+    /// Columns and rows of the terminal at the last call.
+    size: Cell<(u16, u16)>,
 }
 
 /// Terminal whose keyboard is read. crossterm 0.29 loops for ever when it reads from one that has
-/// hung up, so it must not be polled then, nor wait for a key itself.
+/// hung up, so it is called only when there is input, and does not wait itself.
 enum Keyboard {
     /// Standard input of the process.
     Stdin,
@@ -126,6 +129,20 @@ enum Keyboard {
     None,
 }
 
+/// Result of waiting for a key.
+enum Waited {
+    /// There is input.
+    Input,
+    /// There was none in this time.
+    #[cfg_attr(
+        windows,
+        expect(dead_code, reason = "crossterm waits for keys on Windows")
+    )]
+    TimedOut,
+    /// The system cannot wait here; crossterm can.
+    Unknown,
+}
+
 impl InputEvents {
     /// Creates the source for the terminal of this process.
     pub fn new() -> InputEvents {
@@ -134,7 +151,8 @@ impl InputEvents {
         } else {
             File::open("/dev/tty").map_or(Keyboard::None, Keyboard::Controlling)
         };
-        InputEvents { keyboard }
+        let size = Cell::new(terminal::size().unwrap_or_default());
+        InputEvents { keyboard, size }
     }
 
     /// Returns the events since the last call. Waits for the first one at most as long as `wait`.
@@ -143,26 +161,35 @@ impl InputEvents {
     /// If the terminal is gone.
     pub fn pending(&self, wait: Duration) -> io::Result<Vec<Event>> {
         let mut events = Vec::new();
-        let mut wait = wait;
-        loop {
-            wait = self.keyboard.wait(wait)?;
-            if !event::poll(wait)? {
-                return Ok(events);
-            }
+        let mut left = match self.keyboard.wait(wait)? {
+            Waited::Input => Some(Duration::ZERO),
+            Waited::Unknown => Some(wait),
+            Waited::TimedOut => None,
+        };
+        while let Some(wait) = left
+            && event::poll(wait)?
+        {
             events.push(event::read()?);
-            wait = Duration::ZERO;
+            // It may have hung up since.
+            self.keyboard.wait(Duration::ZERO)?;
+            left = Some(Duration::ZERO);
         }
+        // crossterm reports a change only when it is called.
+        let size = terminal::size()?;
+        if self.size.replace(size) != size {
+            events.push(Event::Resize(size.0, size.1));
+        }
+        Ok(events)
     }
 }
 
 impl Keyboard {
-    /// Waits for a key, at most as long as `wait`. Returns how long the caller should go on waiting,
-    /// where the system cannot wait here.
+    /// Waits for a key, at most as long as `wait`.
     ///
     /// # Errors
     /// If the terminal has hung up.
     #[cfg(unix)]
-    fn wait(&self, wait: Duration) -> io::Result<Duration> {
+    fn wait(&self, wait: Duration) -> io::Result<Waited> {
         use rustix::event::{PollFd, PollFlags, Timespec, poll};
         use std::os::fd::AsFd;
 
@@ -183,15 +210,18 @@ impl Keyboard {
         if state.intersects(PollFlags::HUP | PollFlags::ERR) {
             return Err(hung_up());
         }
-        // macOS cannot poll terminals.
-        let polls = !state.contains(PollFlags::NVAL);
-        Ok(if polls { Duration::ZERO } else { wait })
+        Ok(match state {
+            // macOS cannot poll terminals.
+            _ if state.contains(PollFlags::NVAL) => Waited::Unknown,
+            _ if state.contains(PollFlags::IN) => Waited::Input,
+            _ => Waited::TimedOut,
+        })
     }
 
-    /// Returns `wait`, since crossterm waits for keys on Windows.
+    /// Does not wait, since crossterm waits for keys on Windows.
     #[cfg(windows)]
-    fn wait(&self, wait: Duration) -> io::Result<Duration> {
-        Ok(wait)
+    fn wait(&self, _wait: Duration) -> io::Result<Waited> {
+        Ok(Waited::Unknown)
     }
 }
 
