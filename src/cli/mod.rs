@@ -137,11 +137,9 @@ fn dispatch(cli: &Cli) -> Result<Exit, Failure> {
     }
     match &cli.verb {
         Verb::Run(args) => night::run::main(args, global, &log),
-        Verb::Retry(args) => night::run::retry(args, global, &log),
         Verb::Work(args) => cluster::work(args, global, &log),
         Verb::Submit(args) => cluster::submit(args, global),
         Verb::Cancel(args) => cluster::cancel(args, global),
-        Verb::Explain(args) => inspect::explain::main(args, global),
         Verb::Render(args) => without_script::picture::main(args, global),
         Verb::Explore(args) => without_script::explore::main(args, global),
         Verb::Compare(args) => without_script::compare::main(args, global, &log),
@@ -156,8 +154,9 @@ fn dispatch(cli: &Cli) -> Result<Exit, Failure> {
         Verb::Schema(args) => about::schema::main(args),
         Verb::Doctor(args) => about::doctor::main(args, global),
         Verb::Verify(args) => verify::main(args, global),
+        Verb::Bench(args) if args.suite => benchmark::run(args, global),
+        Verb::Bench(args) if !args.compare.is_empty() => benchmark::compare(args, global),
         Verb::Bench(args) => run_bench(args, global),
-        Verb::Benchmark(args) => benchmark::main(args, global),
         Verb::Metric(args) => inspect::compare::metric(args, global),
         Verb::Diff(args) => inspect::compare::diff(args, global),
         Verb::Reproduce(args) => reproduce::main(args, global),
@@ -169,7 +168,7 @@ fn dispatch(cli: &Cli) -> Result<Exit, Failure> {
     }
 }
 
-/// Runs `lumbre bench`: prints the measurements and writes `bench.json` to the results folder.
+/// Runs `lumbre bench` on scenes: prints the measurements and writes `bench.json` to the results folder.
 fn run_bench(args: &BenchArgs, global: &Global) -> Result<Exit, Failure> {
     let file = global.out.join("bench.json");
     crate::store::probe(&global.out).map_err(Failure::usage)?;

@@ -73,13 +73,13 @@ pub fn run(what: &str, out: &Path) -> Result<RunRecord, Failure> {
     let latest = latest_experiment(out).map(|folder| name(&folder));
     // Of each run: its folder, its description, and whether it is of the latest night.
     let mut matching: Vec<(PathBuf, String, bool)> = Vec::new();
-    for night in list_experiments(out).experiments {
+    for night in list_experiments(out).nights {
         let own = name(&night.folder);
         let is_latest = latest.as_deref() == Some(own.as_str());
         for run in &night.runs {
-            let description = format!("{own} {} {}", run.path, run.run);
+            let description = format!("{own} {} {}", run.path, run.id);
             if has_all(&words, &description) && run.folder.is_dir() {
-                let id = run.run.get(..8).unwrap_or(&run.run);
+                let id = run.id.get(..8).unwrap_or(&run.id);
                 let shown = format!("{id} {} of {own}", run.path);
                 matching.push((run.folder.clone(), shown, is_latest));
             }

@@ -10,8 +10,7 @@ use tev_client::{PacketCreateImage, PacketUpdateImage, TevClient};
 
 use super::exit::Failure;
 use crate::experiment::event::{Event, Sink, SinkError};
-use crate::experiment::plan_outline::PlanOutline;
-use crate::experiment::{CellRef, Plan};
+use crate::experiment::{CellRef, Night};
 use lumbre_light::film::{Image, SharedImage};
 
 /// Longest time that a connection or a write may take.
@@ -136,43 +135,30 @@ fn send_rows(
 /// of a run, its reference, and its map of the first metric that has one.
 pub struct TevSink {
     tev: Tev,
-    plan: Arc<Plan>,
-    outline: PlanOutline,
+    night: Night,
     /// References of the runs that are open.
     references: BTreeMap<CellRef, SharedImage>,
 }
 
 impl TevSink {
     /// Creates the sink of a night.
-    pub fn new(tev: Tev, plan: Arc<Plan>) -> TevSink {
+    pub fn new(tev: Tev, night: Night) -> TevSink {
         TevSink {
-            outline: PlanOutline::from_plan(&plan),
+            night,
             tev,
-            plan,
             references: BTreeMap::new(),
-        }
-    }
-
-    fn name(&self, cell: CellRef) -> String {
-        match cell {
-            CellRef::Cell(i) => self.plan.cells[i].path.clone(),
-            CellRef::Reference(i) => format!("reference {}", self.outline.reference_name(i)),
         }
     }
 
     /// Shows the picture of a run and its error.
     fn show(&mut self, cell: CellRef, image: &Image) {
-        let name = self.name(cell);
+        let name = self.night.path(cell);
         self.tev.show(&name, image);
         let Some(reference) = self.references.get(&cell) else {
             return;
         };
-        let mut maps = self
-            .plan
-            .measure
-            .metrics
-            .iter()
-            .filter(|spec| spec.row.map.is_some());
+        let metrics = self.night.plan.metrics.iter();
+        let mut maps = metrics.filter(|spec| spec.row.map.is_some());
         let map = maps.next().and_then(|spec| {
             let map = spec.error_map(image, reference).ok()?;
             Some((format!("{name} {}", spec.column), map))
@@ -192,11 +178,15 @@ impl Sink for TevSink {
                 reference: Some(reference),
                 ..
             } => {
-                let name = format!("{} reference", self.name(*cell));
+                let name = format!("{} reference", self.night.path(*cell));
                 self.tev.show(&name, reference);
                 self.references.insert(*cell, Arc::clone(reference));
             }
-            Event::Wave { cell, image, .. } => self.show(*cell, image),
+            Event::Wave {
+                cell,
+                image: Some(image),
+                ..
+            } => self.show(*cell, image),
             Event::CellFinished { cell, .. } => {
                 self.references.remove(cell);
             }

@@ -7,11 +7,8 @@
 //! independent. Otherwise its size shows how large a difference between two techniques must be to
 //! be meaningful.
 
-use std::collections::BTreeMap;
-
 use super::plan::{Cell, Plan};
-use super::run::CellResult;
-use super::{CellRef, Outcome, WaveRow};
+use super::{Night, WaveRow};
 use lumbre_light::math::t_test::{two_sided_p, two_sided_t};
 
 /// Significance level of the check as a whole, divided among its findings by Bonferroni's method.
@@ -73,15 +70,11 @@ impl Finding {
 
 /// Returns the findings of a night's A/A check, by technique in the order of the plan. Empty if the
 /// plan has no check, or no pair of runs is finished.
-pub fn check(plan: &Plan, results: &[CellResult]) -> Vec<Finding> {
-    let last: BTreeMap<usize, &WaveRow> = results
-        .iter()
-        .filter(|result| matches!(result.outcome, Outcome::Done(_) | Outcome::Cached(_)))
-        .filter_map(|result| match result.cell {
-            CellRef::Cell(i) => Some((i, result.rows.last()?)),
-            CellRef::Reference(_) => None,
-        })
-        .collect();
+pub fn check(plan: &Plan, night: &Night) -> Vec<Finding> {
+    let last = |index: usize| -> Option<&WaveRow> {
+        let run = night.runs.get(index).filter(|run| run.is_done());
+        run?.rows.last()
+    };
     let mut techniques: Vec<(String, Vec<[&WaveRow; 2]>)> = Vec::new();
     for (index, cell) in plan.cells.iter().enumerate() {
         let Some(repeat) = cell.double_of else {
@@ -92,8 +85,7 @@ pub fn check(plan: &Plan, results: &[CellResult]) -> Vec<Finding> {
             let other = &plan.cells[*i];
             other.double_of.is_none() && other.repeat == repeat && other.point == cell.point
         });
-        let Some(pair) = first.and_then(|first| Some([*last.get(&first)?, *last.get(&index)?]))
-        else {
+        let Some(pair) = first.and_then(|first| Some([last(first)?, last(index)?])) else {
             continue;
         };
         let name = technique(cell);

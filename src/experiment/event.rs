@@ -10,6 +10,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::bias_check::BiasCheckResult;
 use super::forecast::Forecast;
+use super::night::Night;
+use super::night::reference::BiasCheckSummary;
 use super::noise_floor::{HalfImages, NoiseFloors};
 use super::outcome::{CellRef, Level, Outcome, WaveRow};
 use super::plan::Plan;
@@ -18,15 +20,15 @@ use super::shards::{Shard, WorkUnit};
 use lumbre_light::film::layer::LayerImage;
 use lumbre_light::film::time::TimeCube;
 use lumbre_light::film::{Film, Image, SharedImage};
-use lumbre_render::OpenStats;
+use lumbre_render::{OpenStats, Settings};
 
 /// One event of a night.
 #[derive(Clone, Debug)]
 pub enum Event {
     /// The night begins; always the first event.
     NightStarted {
-        /// The whole plan.
-        plan: Arc<Plan>,
+        /// The night as it begins.
+        night: Arc<Night>,
     },
     /// The renderer of a cell or reference is open; the first wave follows.
     CellStarted {
@@ -38,6 +40,13 @@ pub enum Event {
         reference: Option<SharedImage>,
         /// Measurements of an earlier process, if the run resumes from a checkpoint.
         resumed: Option<Arc<Vec<WaveRow>>>,
+        /// Settings of the run, for readers whose plan does not have them.
+        settings: Option<Arc<Settings>>,
+    },
+    /// Another process renders a run, whose waves are not reported.
+    RunActive {
+        /// The cell or reference.
+        cell: CellRef,
     },
     /// The noise floors of a reference are known. Emitted once a night for each reference that has
     /// halves, before the first cell that is measured against it starts.
@@ -57,13 +66,27 @@ pub enum Event {
         row: WaveRow,
         /// Seconds spent on this measurement, outside the render clock.
         measure_s: f64,
-        /// The picture so far.
-        image: SharedImage,
+        /// The picture so far. `None` if it is not known yet; an [`Event::Picture`] follows.
+        image: Option<SharedImage>,
         /// For references, the [noise](lumbre_light::film::Film::relative_noise) of the picture
         /// relative to its mean.
         noise: Option<f64>,
         /// Whether the samples per pixel have just reached a power of two.
         pow2: bool,
+    },
+    /// A newer picture of a run that another process renders.
+    Picture {
+        /// The cell or reference.
+        cell: CellRef,
+        /// The picture so far, or of the end.
+        image: SharedImage,
+    },
+    /// An image of a layer of a run that another process rendered.
+    Layer {
+        /// The cell or reference.
+        cell: CellRef,
+        /// The image and its layer.
+        layer: Arc<LayerImage>,
     },
     /// The time-resolved film of a run so far. Emitted after waves that have doubled its samples,
     /// if a sink [wants it](Sink::wants_times) and the film is small enough to copy.
@@ -77,10 +100,11 @@ pub enum Event {
     BiasCheck {
         /// Index of the reference into [`Plan::references`].
         reference: usize,
-        /// Index of the second picture.
-        with: usize,
-        /// The result of the comparison.
-        found: Arc<BiasCheckResult>,
+        /// The result in short.
+        check: BiasCheckSummary,
+        /// Index of the second picture and the result of the comparison; only in the process that
+        /// compared them.
+        compared: Option<(usize, Arc<BiasCheckResult>)>,
     },
     /// The renderer of a reference's shard is open. Waves of the reference follow, counted from the
     /// beginning of the shard. The reference itself starts when all of its shards are joined.
@@ -91,6 +115,11 @@ pub enum Event {
         open: OpenStats,
         /// Measurements of an earlier process, if the shard resumes from a checkpoint.
         resumed: Option<Arc<Vec<WaveRow>>>,
+    },
+    /// Another process renders a shard of a reference, whose waves are not reported.
+    ShardActive {
+        /// Shard of the reference.
+        shard: Shard,
     },
     /// A shard of a reference ended. Recorders store its sums when they receive this.
     ShardFinished {
@@ -126,8 +155,12 @@ pub enum Event {
         layers: Arc<Vec<LayerImage>>,
         /// The time-resolved film, if requested; `None` unless it is done.
         times: Option<Arc<TimeCube>>,
-        /// Its measurements, oldest first.
+        /// Its measurements, oldest first; only the last one if no more are known.
         rows: Arc<Vec<WaveRow>>,
+        /// Noise floors of its reference, if known.
+        floors: NoiseFloors,
+        /// Cost of opening its renderer, if known.
+        open: Option<OpenStats>,
     },
     /// A new estimate of the remaining time. Emitted before the first run and at intervals between
     /// runs, never while a run is in progress.
@@ -146,19 +179,37 @@ pub enum Event {
 }
 
 impl Event {
+    /// Returns the end of a run of which no more is known than its outcome and measurements.
+    pub fn ended(cell: CellRef, outcome: Outcome, rows: Vec<WaveRow>) -> Event {
+        Event::CellFinished {
+            cell,
+            outcome,
+            film: None,
+            denoised: None,
+            layers: Arc::default(),
+            times: None,
+            rows: Arc::new(rows),
+            floors: NoiseFloors::default(),
+            open: None,
+        }
+    }
+
     /// The cell or reference that the event is about, if any.
     pub fn cell(&self) -> Option<CellRef> {
         match self {
             Event::CellStarted { cell, .. }
+            | Event::RunActive { cell }
             | Event::Wave { cell, .. }
+            | Event::Picture { cell, .. }
+            | Event::Layer { cell, .. }
             | Event::Times { cell, .. }
             | Event::CellFinished { cell, .. } => Some(*cell),
             Event::NoiseFloors { reference, .. }
             | Event::BiasCheck { reference, .. }
             | Event::Halves { reference, .. } => Some(CellRef::Reference(*reference)),
-            Event::ShardStarted { shard, .. } | Event::ShardFinished { shard, .. } => {
-                Some(CellRef::Reference(shard.reference))
-            }
+            Event::ShardStarted { shard, .. }
+            | Event::ShardActive { shard }
+            | Event::ShardFinished { shard, .. } => Some(CellRef::Reference(shard.reference)),
             Event::Message { cell, .. } => *cell,
             Event::NightStarted { .. } | Event::Forecast(_) | Event::NightFinished => None,
         }
@@ -329,6 +380,23 @@ pub struct FinishedRun {
     pub floors: NoiseFloors,
     /// Cost of opening its renderer.
     pub open: OpenStats,
+}
+
+impl FinishedRun {
+    /// Returns the event that the run was found finished.
+    pub fn event(self, cell: CellRef) -> Event {
+        Event::CellFinished {
+            cell,
+            outcome: Outcome::Cached(self.folder),
+            film: None,
+            denoised: None,
+            layers: Arc::default(),
+            times: None,
+            rows: Arc::new(self.rows),
+            floors: self.floors,
+            open: Some(self.open),
+        }
+    }
 }
 
 /// A limit at which the night pauses so that the user can look. Unlike a stop rule, it is not part

@@ -20,7 +20,7 @@ struct Clocks {
 
 /// Returns sentences on clocks that other work on the machine disturbed or that nothing watched,
 /// and on the order of techniques. Each finished run has the label of its technique and its
-/// [`RunResult::lost_share`](crate::experiment::night_results::RunResult::lost_share).
+/// [`Run::lost_share`](crate::experiment::night::run::Run::lost_share).
 pub fn caveats<'a>(runs: impl Iterator<Item = (&'a str, Option<f64>)>, order: &str) -> Vec<String> {
     let mut techniques: BTreeMap<&str, Clocks> = BTreeMap::new();
     for (label, lost_share) in runs {

@@ -8,7 +8,7 @@ use glam::Vec3;
 
 use crate::experiment::plan::{Cell, CellIdentity, Plan, RunId};
 use crate::experiment::spec::{MeasureSpec, Snapshots};
-use crate::experiment::{CellRef, CellResult, EndCause, Outcome, StopRule, WaveRow};
+use crate::experiment::{CellRef, EndCause, Event, Night, Outcome, StopRule, WaveRow};
 use lumbre_light::scene::SceneDesc;
 use lumbre_light::scene::desc::{CameraDesc, Optics};
 use lumbre_light::value::Value;
@@ -119,9 +119,15 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
     }
 }
 
-/// Builds a finished cell from pairs of render time and RMSE of its waves. SSIM and PSNR are
-/// derived from the RMSE by made-up formulas.
-pub fn done(cell: usize, waves: &[(f64, f64)]) -> CellResult {
+/// Builds the end of a finished cell from pairs of render time and RMSE of its waves.
+pub fn done(cell: usize, waves: &[(f64, f64)]) -> Event {
+    let outcome = Outcome::Done(EndCause::limit("64 samples"));
+    measured(cell, outcome, waves)
+}
+
+/// Builds the end of a cell with the given outcome from pairs of render time and RMSE of its waves.
+/// SSIM and PSNR are derived from the RMSE by made-up formulas.
+pub fn measured(cell: usize, outcome: Outcome, waves: &[(f64, f64)]) -> Event {
     let rows = waves
         .iter()
         .enumerate()
@@ -138,30 +144,29 @@ pub fn done(cell: usize, waves: &[(f64, f64)]) -> CellResult {
             first_invalid: None,
             metrics: vec![*rmse, 1.0 - rmse / 2.0, 40.0 - 40.0 * rmse],
         });
-    CellResult {
-        cell: CellRef::Cell(cell),
-        outcome: Outcome::Done(EndCause::limit("64 samples")),
-        rows: Arc::new(rows.collect()),
-        floors: Arc::default(),
-        open: OpenStats {
+    let mut event = Event::ended(CellRef::Cell(cell), outcome, rows.collect());
+    if let Event::CellFinished { open, .. } = &mut event {
+        *open = Some(OpenStats {
             accel_build_s: 0.25,
             accel_nodes: 100,
             accel_bytes: 3 << 20,
             accel_cost: 12.5,
             ..OpenStats::default()
-        },
+        });
     }
+    event
 }
 
-/// Builds a result with the given outcome and without measurements.
-pub fn ended(cell: usize, outcome: Outcome) -> CellResult {
-    CellResult {
-        cell: CellRef::Cell(cell),
-        outcome,
-        rows: Arc::default(),
-        floors: Arc::default(),
-        open: OpenStats::default(),
-    }
+/// Builds the end of a cell with the given outcome and without measurements.
+pub fn ended(cell: usize, outcome: Outcome) -> Event {
+    Event::ended(CellRef::Cell(cell), outcome, Vec::new())
+}
+
+/// Builds the night of a plan after these events.
+pub fn night(plan: &Plan, events: &[Event]) -> Night {
+    let mut night = Night::planned(plan);
+    events.iter().for_each(|event| night.apply(event));
+    night
 }
 
 /// Converts strings to axis values.

@@ -1,10 +1,10 @@
 //! Whether samples that are compared by time were traced one at a time or many in vectors.
 
-use crate::experiment::night_results::RunResult;
+use crate::experiment::night::run::Run;
 
 /// Returns a sentence if some techniques traced one path at a time and others many. Each run has the
 /// label of its technique; runs whose number of paths is unknown count for neither.
-pub fn mixed_lanes<'a>(runs: impl Iterator<Item = (&'a str, &'a RunResult)>) -> Option<String> {
+pub fn mixed_lanes<'a>(runs: impl Iterator<Item = (&'a str, &'a Run)>) -> Option<String> {
     let (mut single, mut vectors, mut is_external) = (Vec::new(), Vec::new(), false);
     for (label, run) in runs {
         let of = match run.lanes {

@@ -3,7 +3,7 @@
 
 use super::format;
 use crate::experiment::WaveRow;
-use crate::experiment::night_results::RunResult;
+use crate::experiment::night::run::Run;
 use crate::experiment::spec::TableValue;
 use lumbre_metrics::{Better, MetricSpec};
 use lumbre_render::OpenStats;
@@ -141,7 +141,7 @@ pub fn time_to(better: Better, curve: &[(f64, f64)], threshold: f64) -> Option<R
 pub fn run_value(
     metrics: &[MetricSpec],
     value: &TableValue,
-    run: &RunResult,
+    run: &Run,
     metric: impl Fn(&WaveRow, usize) -> Option<f64>,
 ) -> Option<RunValue> {
     let last = run.rows.last()?;

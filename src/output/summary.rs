@@ -1,16 +1,14 @@
 //! Writes `summary.csv`, `repeats.csv` and `aa-check.csv`, the tables of results of a night.
 
-use std::collections::BTreeMap;
-
 use super::format::exact;
 use crate::columns::{
     AA_CHECK, CONTROL_OF, REPEATED, REPEATED_MEANS, SUMMARY_AFTER, SUMMARY_BEFORE, names,
 };
 use crate::experiment::aa_check::Finding;
-use crate::experiment::night_results::NightResults;
+use crate::experiment::night::run::Run;
 use crate::experiment::noise_floor::net_columns;
-use crate::experiment::plan::{Cell, Plan};
-use crate::experiment::{CellRef, CellResult, Outcome, Point, WaveRow};
+use crate::experiment::plan::Plan;
+use crate::experiment::{Night, Outcome, Point, WaveRow};
 use crate::text::csv_line;
 use lumbre_light::math::t_test::mean_and_interval;
 
@@ -23,13 +21,11 @@ struct ReferenceNoise {
 }
 
 impl ReferenceNoise {
-    fn new(plan: &Plan, results: &[CellResult]) -> ReferenceNoise {
-        let mut known: Vec<Option<f64>> = vec![None; plan.measure.metrics.len()];
-        for result in results {
-            for (i, floor) in known.iter_mut().enumerate() {
-                *floor = floor.or(result.floors.get(i).copied().flatten());
-            }
-        }
+    fn new(plan: &Plan, night: &Night) -> ReferenceNoise {
+        let metrics = plan.measure.metrics.iter();
+        let known =
+            metrics.map(|metric| night.runs.iter().find_map(|run| run.floor(&metric.column)));
+        let known: Vec<Option<f64>> = known.collect();
         ReferenceNoise {
             floor: (0..known.len()).filter(|i| known[*i].is_some()).collect(),
             net: net_columns(plan, &known)
@@ -42,38 +38,33 @@ impl ReferenceNoise {
 
 /// Writes `summary.csv`: one line for each cell, in plan order, whether it finished or not. The
 /// [schema](crate::columns) has the columns. Values that were not measured are empty.
-pub fn csv(plan: &Plan, results: &[CellResult]) -> String {
-    let noise = ReferenceNoise::new(plan, results);
+pub fn csv(plan: &Plan, night: &Night) -> String {
+    let noise = ReferenceNoise::new(plan, night);
     let mut text = csv_line(&header(plan, &noise));
-    let by_cell: BTreeMap<CellRef, &CellResult> = results.iter().map(|r| (r.cell, r)).collect();
-    for (index, cell) in plan.cells.iter().enumerate() {
-        let result = by_cell.get(&CellRef::Cell(index)).copied();
-        let mut fields = vec![index.to_string(), cell.id.to_string()];
-        fields.extend(identity_fields(plan, cell));
-        fields.extend(status_fields(result));
-        fields.extend(measured_fields(plan, result, &noise));
+    for (index, run) in night.runs.iter().enumerate() {
+        let mut fields = vec![index.to_string(), run.id.clone()];
+        fields.extend(identity_fields(plan, run));
+        fields.extend(status_fields(run.state.outcome()));
+        fields.extend(measured_fields(plan, run, &noise));
         text += &csv_line(&fields);
     }
     text
 }
 
 /// Returns the axis values, the repeat and, with an A/A check, the repeat that the run duplicates.
-fn identity_fields(plan: &Plan, cell: &Cell) -> Vec<String> {
-    let axis_value = |axis: &String| {
-        let value = cell.point.iter().find(|(name, _)| name == axis);
-        value.map(|(_, v)| v.to_string()).unwrap_or_default()
-    };
+fn identity_fields(plan: &Plan, run: &Run) -> Vec<String> {
+    let axis_value = |axis: &String| run.axis_value(axis).unwrap_or_default();
     let mut fields: Vec<String> = plan.axes.iter().map(axis_value).collect();
-    fields.push(cell.repeat.to_string());
+    fields.push(run.repeat.to_string());
     if has_doubles(plan) {
-        fields.push(cell.double_of.map(|r| r.to_string()).unwrap_or_default());
+        fields.push(run.double_of.map(|r| r.to_string()).unwrap_or_default());
     }
     fields
 }
 
 /// Returns the status of a cell and its reason.
-fn status_fields(result: Option<&CellResult>) -> [String; 2] {
-    let (status, reason) = match result.map(|r| &r.outcome) {
+fn status_fields(outcome: Option<&Outcome>) -> [String; 2] {
+    let (status, reason) = match outcome {
         Some(Outcome::Done(cause)) => ("done", cause.clause.clone()),
         Some(Outcome::Cached(folder)) => ("cached", folder.display().to_string()),
         Some(Outcome::Failed(reason)) => ("failed", reason.clone()),
@@ -84,13 +75,10 @@ fn status_fields(result: Option<&CellResult>) -> [String; 2] {
 }
 
 /// Returns the values of the last wave; empty fields if nothing was measured.
-fn measured_fields(
-    plan: &Plan,
-    result: Option<&CellResult>,
-    noise: &ReferenceNoise,
-) -> Vec<String> {
+fn measured_fields(plan: &Plan, run: &Run, noise: &ReferenceNoise) -> Vec<String> {
     let metrics = &plan.measure.metrics;
-    let Some((result, row)) = result.and_then(|r| Some((r, r.rows.last()?))) else {
+    let ended = run.state.outcome();
+    let Some(row) = ended.and_then(|_| run.rows.last()) else {
         let count = 5 + metrics.len() + noise.floor.len() + noise.net.len();
         return vec![String::new(); count];
     };
@@ -99,7 +87,7 @@ fn measured_fields(
     fields.extend([row.render_s, row.wall_s, row.mpaths_per_s()].map(exact));
     fields.push(row.invalid.to_string());
     fields.extend((0..metrics.len()).map(|m| optional(row.metrics.get(m).copied())));
-    let floor = |m: usize| result.floors.get(m).copied().flatten();
+    let floor = |m: usize| run.floor(&metrics[m].column);
     fields.extend(noise.floor.iter().map(|m| optional(floor(*m))));
     let net = |m: usize| metrics[m].net(*row.metrics.get(m)?, floor(m)?);
     fields.extend(noise.net.iter().map(|m| optional(net(*m))));
@@ -158,7 +146,7 @@ fn header(plan: &Plan, noise: &ReferenceNoise) -> Vec<String> {
 /// The means are those of samples per pixel, render time, speed and the final value of every
 /// metric. Each has the bounds of its 95 % confidence interval by Student's t (`<column>_low`,
 /// `<column>_high`; empty for a single run).
-pub fn repeats_csv(night: &NightResults) -> String {
+pub fn repeats_csv(night: &Night) -> String {
     let mut points: Vec<(&Point, Vec<&WaveRow>)> = Vec::new();
     for run in &night.runs {
         if points.last().is_none_or(|(point, _)| **point != run.point) {
@@ -172,9 +160,13 @@ pub fn repeats_csv(night: &NightResults) -> String {
     if points.iter().all(|(_, rows)| rows.len() < 2) {
         return String::new();
     }
-    let mut header: Vec<String> = night.axes.clone();
+    let mut header: Vec<String> = night.plan.axes.clone();
     header.push(REPEATED.name.to_owned());
-    let columns = night.metrics.iter().map(|metric| metric.column.clone());
+    let columns = night
+        .plan
+        .metrics
+        .iter()
+        .map(|metric| metric.column.clone());
     for column in names(&REPEATED_MEANS).into_iter().chain(columns) {
         header.extend(["", "_low", "_high"].map(|end| format!("{column}{end}")));
     }
@@ -184,7 +176,7 @@ pub fn repeats_csv(night: &NightResults) -> String {
         fields.push(rows.len().to_string());
         let numbers = |row: &&WaveRow| [row.samples as f64, row.render_s, row.mpaths_per_s()];
         let counts = (0..3).map(|i| rows.iter().map(|row| numbers(row)[i]).collect::<Vec<f64>>());
-        let metrics = (0..night.metrics.len()).map(|i| {
+        let metrics = (0..night.plan.metrics.len()).map(|i| {
             rows.iter()
                 .filter_map(|row| row.metrics.get(i).copied())
                 .collect::<Vec<f64>>()
@@ -234,10 +226,14 @@ pub fn aa_check_csv(findings: &[Finding]) -> String {
 mod tests {
     use super::super::fixture;
     use super::*;
-    use crate::output::report::requested;
+    use crate::experiment::Event;
 
-    fn repeats_csv(plan: &Plan, results: &[CellResult]) -> String {
-        super::repeats_csv(&requested::night(plan, results, |_| None))
+    fn repeats_csv(plan: &Plan, events: &[Event]) -> String {
+        super::repeats_csv(&fixture::night(plan, events).without_doubles())
+    }
+
+    fn csv(plan: &Plan, events: &[Event]) -> String {
+        super::csv(plan, &fixture::night(plan, events))
     }
 
     #[test]
@@ -249,8 +245,8 @@ mod tests {
             ],
             1,
         );
-        let mut partial = fixture::done(2, &[(0.5, f64::NAN)]);
-        partial.outcome = Outcome::Failed("device said \"no\"".to_owned());
+        let failed = Outcome::Failed("device said \"no\"".to_owned());
+        let partial = fixture::measured(2, failed, &[(0.5, f64::NAN)]);
         let results = [
             fixture::done(0, &[(0.5, 0.25), (1.0, 0.125)]),
             fixture::ended(1, Outcome::Cached("runs/x".into())),

@@ -38,17 +38,13 @@ use std::path::PathBuf;
 
 use crate::text;
 
-pub use follow::Follower;
-pub use follow::event::{FollowEvent, TimedEvent};
+pub use follow::{Follower, TimedEvent, TimesFile, Update};
 
 pub use lock::claim::LEASE;
 
 pub use read::archive::{Archive, Decode};
 pub use read::evidence::Evidence;
-pub use read::night_index::{
-    ExperimentEntry, Listing, RunEntry, RunRecord, RunState, latest_experiment, list_experiments,
-    read_run,
-};
+pub use read::night_index::{Listing, RunRecord, latest_experiment, list_experiments, read_run};
 pub use read::night_reader::NightReader;
 pub use read::run_reader::{Integrity, Measurements, RunReader};
 pub use read::throughput_history::throughput_history;

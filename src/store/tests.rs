@@ -11,10 +11,11 @@ use glam::Vec3;
 use super::schema::run::{DoneFile, RunResults};
 use super::*;
 use crate::experiment::event::History;
+use crate::experiment::night::run::RunState;
 use crate::experiment::plan::{Cell, CellIdentity, Reference, ReferenceSource};
 use crate::experiment::run_progress::Claim;
 use crate::experiment::spec::{MeasureSpec, Snapshots};
-use crate::experiment::{CellRef, Plan, RunId, StopRule, WaveRow};
+use crate::experiment::{CellRef, Outcome, Plan, RunId, StopRule, WaveRow};
 use lumbre_light::film::Image;
 use lumbre_light::scene::SceneDesc;
 use lumbre_light::scene::desc::{CameraDesc, Optics};
@@ -303,11 +304,11 @@ fn runs_of_a_sibling_folder_count_and_those_of_another_experiment_do_not() {
             .finished_run(&first, CellRef::Cell(0))
             .is_some()
     );
-    let listed = list_experiments(dir.path()).experiments;
+    let listed = list_experiments(dir.path()).nights;
     let states: Vec<_> = listed
         .iter()
         .flat_map(|e| &e.runs)
-        .map(|r| (r.run.as_str(), r.state.name()))
+        .map(|r| (r.id.as_str(), r.state.name()))
         .collect();
     assert_eq!(
         states,
@@ -473,18 +474,19 @@ fn failed_unfinished_and_pending_runs_have_different_states() {
     store
         .record_failure(&plan, CellRef::Cell(0), "disk full")
         .unwrap();
-    let listed = list_experiments(dir.path()).experiments;
+    let listed = list_experiments(dir.path()).nights;
     let states: Vec<_> = listed[0].runs.iter().map(|r| r.state.clone()).collect();
     assert_eq!(
         states,
         [
-            RunState::Failed("disk full".into()),
-            RunState::Unfinished,
+            RunState::Ended(Outcome::Failed("disk full".into())),
+            RunState::Ended(Outcome::Interrupted),
             RunState::Pending
         ]
     );
     assert_eq!(listed[0].references[0].state, RunState::Pending);
-    assert!(list_experiments(&dir.path().join("nowhere")) == Listing::default());
+    let nowhere = list_experiments(&dir.path().join("nowhere"));
+    assert!(nowhere.nights.is_empty() && nowhere.refused.is_empty());
 }
 
 #[cfg(unix)]

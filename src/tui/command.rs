@@ -163,7 +163,7 @@ fn limit(text: &str) -> Result<PauseAt, String> {
 }
 
 fn cell(text: &str, model: &NightModel) -> Result<usize, String> {
-    let cells = model.cells.len();
+    let cells = model.night.runs.len();
     let number = text
         .parse::<usize>()
         .ok()
@@ -174,10 +174,7 @@ fn cell(text: &str, model: &NightModel) -> Result<usize, String> {
 }
 
 fn metric(text: &str, model: &NightModel) -> Result<usize, String> {
-    let metrics = model
-        .plan
-        .as_ref()
-        .map_or(&[][..], |plan| &plan.metrics[..]);
+    let metrics = model.metrics();
     let names = || metrics.iter().map(|m| m.column.as_str());
     names()
         .position(|name| name == text)

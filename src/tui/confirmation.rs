@@ -22,16 +22,11 @@ pub(super) struct Confirmation {
 /// Returns the question to ask before a request is made to the run that renders `cell`, or `None` if
 /// too little has been rendered to ask.
 pub(super) fn question(request: NightRequest, cell: CellRef, model: &NightModel) -> Option<String> {
-    let (entries, index) = match cell {
-        CellRef::Reference(index) => (&model.references, index),
-        CellRef::Cell(index) => (&model.cells, index),
-    };
-    let render_s = entries.get(index)?.last.as_ref()?.render_s;
+    let render_s = model.night.last_row(cell)?.render_s;
     if render_s < ASK_FROM_S {
         return None;
     }
-    let plan = model.plan.as_ref()?;
-    let name = format::cell_name(plan, cell);
+    let name = format::cell_name(&model.night, cell);
     let time = format::duration(render_s);
     let (key, action) = match request {
         NightRequest::Restart => ("R", format!("renders {name} from its first sample again")),
@@ -39,8 +34,8 @@ pub(super) fn question(request: NightRequest, cell: CellRef, model: &NightModel)
     };
     let waiting = match (cell, request) {
         (CellRef::Reference(index), NightRequest::Skip) => {
-            let cells = plan.cells.iter();
-            let count = cells.filter(|cell| cell.reference == Some(index)).count();
+            let runs = model.night.runs.iter();
+            let count = runs.filter(|run| run.reference == Some(index)).count();
             format!("; {} need it", crate::text::counted(count as u64, "cell"))
         }
         _ => String::new(),

@@ -199,7 +199,7 @@ impl LogHandle {
     /// Appends a message that does not concern a cell.
     pub fn append(&self, level: Level, text: &str) {
         let at_s = self.clock.now_s();
-        self.shared.model().log(level, None, text, at_s);
+        self.shared.model().log(level, text, at_s);
     }
 }
 

@@ -1,6 +1,6 @@
 //! Human-readable numbers, durations and names, short enough for a table column.
 
-use crate::experiment::{CellRef, PlanOutline};
+use crate::experiment::{CellRef, Night};
 use crate::text;
 use lumbre_metrics::MetricSpec;
 
@@ -71,32 +71,27 @@ pub fn measured(spec: &MetricSpec, value: f64) -> String {
 
 /// Name of a cell or reference: `depth=5 aa=0.5 rep=1`, or `bpt of cornell.scn`. Axes in which no
 /// two cells differ are left out.
-pub fn cell_name(plan: &PlanOutline, cell: CellRef) -> String {
+pub fn cell_name(night: &Night, cell: CellRef) -> String {
     match cell {
-        CellRef::Cell(i) => plan.cells.get(i).map_or_else(String::new, |cell| {
-            let differs = |axis: usize| plan.varying.get(axis) == Some(&true);
-            let mut parts: Vec<String> = cell
+        CellRef::Cell(i) => night.runs.get(i).map_or_else(String::new, |run| {
+            let differs = |axis: usize| night.plan.varying.get(axis) == Some(&true);
+            let mut parts: Vec<String> = run
                 .point
                 .iter()
                 .enumerate()
                 .filter(|(axis, _)| differs(*axis))
                 .map(|(_, (name, value))| format!("{name}={value}"))
                 .collect();
-            if plan.repeated {
-                parts.push(format!("rep={}", cell.repeat));
+            if night.is_repeated() {
+                parts.push(format!("rep={}", run.repeat));
             }
-            let scene = || {
-                cell.config
-                    .as_ref()
-                    .map_or_else(|| "the cell".to_owned(), |c| scene_name(&c.scene))
-            };
             if parts.is_empty() {
-                scene()
+                scene_name(&run.scene)
             } else {
                 clean(&parts.join(" "))
             }
         }),
-        CellRef::Reference(i) => clean(&plan.reference_name(i)),
+        CellRef::Reference(i) => clean(&night.reference_name(i)),
     }
 }
 

@@ -5,12 +5,12 @@ use std::io::Write;
 use std::time::Instant;
 
 use super::format;
-use super::model::entry::StateCounts;
 use super::model::night::NightModel;
 use crate::experiment::forecast::Forecast;
+use crate::experiment::night::state_counts::StateCounts;
 use crate::experiment::outcome::Level;
 use crate::experiment::shards::Shard;
-use crate::experiment::{CellRef, Event, Outcome, Plan, Sink, SinkError, WaveRow};
+use crate::experiment::{CellRef, Event, Night, Outcome, Sink, SinkError, WaveRow};
 use crate::text::{self, counted};
 use lumbre_light::transport::integrator;
 
@@ -120,17 +120,15 @@ impl ProgressLines {
         }
     }
 
-    fn print_start(&mut self, plan: &Plan) {
+    fn print_start(&mut self, night: &Night) {
+        let plan = &night.plan;
         let digits: String = plan.hash.chars().take(4).collect();
-        let mut parts = vec![counted(plan.cells.len() as u64, "cell")];
-        if !plan.references.is_empty() {
-            parts.push(counted(plan.references.len() as u64, "reference"));
+        let mut parts = vec![counted(night.runs.len() as u64, "cell")];
+        if !night.references.is_empty() {
+            parts.push(counted(night.references.len() as u64, "reference"));
         }
-        if !plan.skipped.is_empty() {
-            parts.push(format!(
-                "{} skipped",
-                counted(plan.skipped.len() as u64, "point")
-            ));
+        if plan.skipped > 0 {
+            parts.push(format!("{} skipped", counted(plan.skipped as u64, "point")));
         }
         self.print_unless_quiet(
             LineColor::Plain,
@@ -150,11 +148,7 @@ impl ProgressLines {
             format::duration(row.render_s),
             format::number(row.mpaths_per_s())
         );
-        let metrics = self
-            .model
-            .plan
-            .as_ref()
-            .map_or(&[][..], |plan| &plan.metrics[..]);
+        let metrics = self.model.metrics();
         for (spec, value) in metrics.iter().zip(&row.metrics) {
             facts.push_str(&format!(
                 "  {} {}",
@@ -173,22 +167,18 @@ impl ProgressLines {
 
     /// Formats the position of a cell in the plan and its parameters: `[3/4] depth=5 aa=0.5`.
     fn name(&self, cell: CellRef) -> String {
-        let Some(plan) = &self.model.plan else {
+        let Some(night) = self.model.planned() else {
             return String::new();
         };
         let position = match cell {
-            CellRef::Cell(i) => format!("[{}/{}]", i + 1, plan.cells.len()),
-            CellRef::Reference(i) => format!("[ref {}/{}]", i + 1, plan.references.len()),
+            CellRef::Cell(i) => format!("[{}/{}]", i + 1, night.runs.len()),
+            CellRef::Reference(i) => format!("[ref {}/{}]", i + 1, night.references.len()),
         };
-        format!("{position} {}", format::cell_name(plan, cell))
+        format!("{position} {}", format::cell_name(night, cell))
     }
 
     fn print_run_started(&mut self, cell: CellRef, device: &str) {
-        let config = self
-            .model
-            .plan
-            .as_ref()
-            .and_then(|plan| plan.config(cell).cloned());
+        let config = self.model.night.settings(cell).cloned();
         let technique = config.map_or_else(String::new, |config| {
             let long = integrator::integrator(&config.integrator).map_or("", |row| row.long_name);
             format!("{} ({long}) on ", config.integrator)
@@ -231,7 +221,7 @@ impl ProgressLines {
             return;
         }
         self.remaining_s = now_s;
-        let waiting = StateCounts::from_entries(&self.model.cells).waiting;
+        let waiting = StateCounts::of_runs(&self.model.night.runs).waiting;
         if waiting == 0 {
             return;
         }
@@ -297,15 +287,18 @@ impl ProgressLines {
             return;
         }
         self.summary_s = now_s;
-        let Some(plan) = &self.model.plan else { return };
-        let counts = StateCounts::from_entries(&self.model.cells);
+        let Some(night) = self.model.planned() else {
+            return;
+        };
+        let plan = &night.plan;
+        let counts = StateCounts::of_runs(&self.model.night.runs);
         let digits: String = plan.hash.chars().take(4).collect();
         let mut parts = vec![format!(
             "{} of {}",
             counts.settled(),
             counted(counts.total() as u64, "cell")
         )];
-        let references = StateCounts::from_entries(&self.model.references);
+        let references = StateCounts::of_references(&self.model.night.references);
         if references.settled() < references.total() {
             parts.push(format!(
                 "{} of {}",
@@ -330,7 +323,7 @@ impl ProgressLines {
             .as_ref()
             .filter(|current| current.running);
         if let Some(current) = current {
-            parts.push(format!("now {}", format::cell_name(plan, current.cell)));
+            parts.push(format!("now {}", format::cell_name(night, current.cell)));
         }
         let line = format::clean(&format!(
             "night {}-{digits}: {}",
@@ -341,8 +334,8 @@ impl ProgressLines {
     }
 
     fn print_end(&mut self) {
-        let c = StateCounts::from_entries(&self.model.cells);
-        let r = StateCounts::from_entries(&self.model.references);
+        let c = StateCounts::of_runs(&self.model.night.runs);
+        let r = StateCounts::of_references(&self.model.night.references);
         let named = [
             (c.done, "done"),
             (c.cached, "cached"),
@@ -385,7 +378,7 @@ impl Sink for ProgressLines {
         let now_s = (self.clock)();
         self.model.receive(event, now_s);
         match event {
-            Event::NightStarted { plan } => self.print_start(plan),
+            Event::NightStarted { night } => self.print_start(night),
             Event::CellStarted { cell, open, .. } => {
                 self.last_line_s.remove(cell);
                 self.print_run_started(*cell, &open.device_line());
@@ -405,7 +398,11 @@ impl Sink for ProgressLines {
             | Event::Times { .. }
             | Event::NoiseFloors { .. }
             | Event::Halves { .. }
-            | Event::BiasCheck { .. } => {}
+            | Event::BiasCheck { .. }
+            | Event::RunActive { .. }
+            | Event::ShardActive { .. }
+            | Event::Picture { .. }
+            | Event::Layer { .. } => {}
             Event::Forecast(left) => self.print_forecast(left),
             Event::CellFinished {
                 cell,

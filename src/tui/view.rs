@@ -408,13 +408,11 @@ impl View {
             }
             Action::Night(command) => return Some(command),
             Action::Filter(words) => (self.filter, self.plan_top) = (words, None),
-            Action::Metric(index) => {
-                match model.plan.as_ref().map_or(0, |plan| plan.metrics.len()) {
-                    0 => self.notify("this plan has no metrics".to_owned()),
-                    n if index >= n => self.notify(format!("the last metric is number {n}")),
-                    _ => self.metric = index,
-                }
-            }
+            Action::Metric(index) => match model.metrics().len() {
+                0 => self.notify("this plan has no metrics".to_owned()),
+                n if index >= n => self.notify(format!("the last metric is number {n}")),
+                _ => self.metric = index,
+            },
             Action::ChartX(axis) => self.chart_x = axis,
             Action::Picture(kind) => {
                 (self.picture, self.flicker, self.playing) = (kind, false, None)

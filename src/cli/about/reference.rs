@@ -10,8 +10,8 @@ use lumbre_light::value::markdown::{row, sentence, table_head};
 /// Verbs in groups, in the order of the page.
 const GROUPS: &[(&str, &[&str])] = &[
     ("Without a script", &["render", "explore", "compare", "new"]),
-    ("Experiments", &["run", "retry", "plan", "check"]),
-    ("Progress", &["watch", "status", "ls", "show", "explain"]),
+    ("Experiments", &["run", "plan", "check"]),
+    ("Progress", &["watch", "status", "ls", "show"]),
     (
         "Results",
         &["report", "view", "metric", "diff", "reproduce"],
@@ -20,7 +20,7 @@ const GROUPS: &[(&str, &[&str])] = &[
     ("Clusters", &["submit", "work", "cancel"]),
     (
         "The program itself",
-        &["doctor", "verify", "bench", "benchmark", "schema"],
+        &["doctor", "verify", "bench", "schema"],
     ),
 ];
 
@@ -31,13 +31,11 @@ const OPTIONS: &[(&str, &[&str])] = &[
         &[
             "compare",
             "run",
-            "retry",
             "plan",
             "watch",
             "status",
             "ls",
             "show",
-            "explain",
             "report",
             "view",
             "diff",
@@ -57,17 +55,15 @@ const OPTIONS: &[(&str, &[&str])] = &[
             "explore",
             "compare",
             "run",
-            "retry",
             "plan",
             "check",
-            "explain",
+            "show",
             "submit",
             "work",
             "trace",
             "reproduce",
             "verify",
             "bench",
-            "benchmark",
         ],
     ),
     (
@@ -77,36 +73,31 @@ const OPTIONS: &[(&str, &[&str])] = &[
             "explore",
             "compare",
             "run",
-            "retry",
             "work",
             "trace",
             "reproduce",
             "verify",
             "bench",
-            "benchmark",
         ],
     ),
     (
         "memory",
         &[
-            "render", "compare", "run", "retry", "plan", "check", "work", "submit",
+            "render", "compare", "run", "plan", "check", "work", "submit",
         ],
     ),
     (
         "no_tui",
-        &[
-            "render", "explore", "compare", "run", "retry", "watch", "work",
-        ],
+        &["render", "explore", "compare", "run", "watch", "work"],
     ),
     (
         "allow_commands",
         &[
             "compare",
             "run",
-            "retry",
             "plan",
             "check",
-            "explain",
+            "show",
             "submit",
             "work",
             "reproduce",
@@ -120,14 +111,12 @@ const OPTIONS: &[(&str, &[&str])] = &[
             "compare",
             "new",
             "run",
-            "retry",
             "plan",
             "check",
             "watch",
             "status",
             "ls",
             "show",
-            "explain",
             "report",
             "view",
             "metric",
@@ -151,10 +140,9 @@ const OPTIONS: &[(&str, &[&str])] = &[
             "compare",
             "new",
             "run",
-            "retry",
             "plan",
             "check",
-            "explain",
+            "show",
             "submit",
             "work",
             "trace",
@@ -169,7 +157,7 @@ const OPTIONS: &[(&str, &[&str])] = &[
 
 /// Subcommands of verbs on which no option of [`OPTIONS`] has an effect. On other subcommands, those
 /// of the verb have one.
-const WITHOUT_OPTIONS: &[&str] = &["new technique", "benchmark compare"];
+const WITHOUT_OPTIONS: &[&str] = &["new technique"];
 
 /// Heading of the options that every verb accepts.
 const EVERY_VERB: &str = "Options of every verb";
@@ -483,8 +471,6 @@ mod tests {
             ["note: `--out` has no effect on `lumbre new technique`"]
         );
         assert!(notes("lumbre submit slurm a.lua --out x").is_empty());
-        // `compare` has no `--backend`, which `benchmark` has for itself.
-        assert!(notes("lumbre benchmark compare a.json b.json").is_empty());
     }
 
     #[test]

@@ -55,14 +55,32 @@ pub fn with_remedy(mut error: Error, command: &Command, arguments: &[OsString]) 
     error
 }
 
-/// Suggests the verb for a file that is given without one, or only the most similar verb.
+/// Verbs of earlier versions, and what does the same.
+const OLD_VERBS: [(&str, &str); 4] = [
+    ("retry", "run --retry"),
+    ("explain", "show RUN --why"),
+    ("benchmark", "bench --suite"),
+    ("benchmark compare", "bench --compare FILE.."),
+];
+
+/// Suggests the verb for a file that is given without one, the new name of an old verb, or only the
+/// most similar verb.
 fn improve_unknown_verb(error: &mut Error) {
     let Some(ContextValue::String(given)) = error.get(ContextKind::InvalidSubcommand) else {
         return;
     };
     let given = given.clone();
     let path = Path::new(&given);
-    if is_picture(path) {
+    let is_old = |(old, _): &&(&str, &str)| old.split(' ').next() == Some(&given);
+    let new: Vec<String> = OLD_VERBS
+        .iter()
+        .filter(is_old)
+        .map(|(old, new)| format!("`lumbre {old}` is `lumbre {new}` now"))
+        .collect();
+    if !new.is_empty() {
+        error.remove(ContextKind::SuggestedSubcommand);
+        tip(error, new.join(", "));
+    } else if is_picture(path) {
         error.remove(ContextKind::SuggestedSubcommand);
         tip(
             error,
@@ -123,6 +141,12 @@ mod tests {
                 "tip: `lumbre render model.glb` renders a scene",
             ),
             ("lumbre a.exr", "`lumbre metric a.exr REFERENCE`"),
+            ("lumbre retry latest", "`lumbre run --retry` now"),
+            ("lumbre explain ab12", "`lumbre show RUN --why` now"),
+            (
+                "lumbre benchmark compare a b",
+                "is `lumbre bench --compare FILE..` now",
+            ),
             ("lumbre rendr", "similar subcommand exists: 'render'"),
             (
                 "lumbre render a.glb --depth -3",

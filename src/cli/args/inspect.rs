@@ -4,18 +4,6 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-/// Options of `lumbre explain`.
-#[derive(Args, Debug)]
-pub struct ExplainArgs {
-    /// Run: its folder, first digits of its id, `latest`, or words of its path.
-    pub run: String,
-    /// Script to compare the run with [default: the script its experiment was last run with].
-    pub script: Option<PathBuf>,
-    /// Print as JSON.
-    #[arg(long)]
-    pub json: bool,
-}
-
 /// Options of `lumbre watch`.
 #[derive(Args, Debug)]
 pub struct WatchArgs {
@@ -80,6 +68,13 @@ pub struct ShowArgs {
     /// `latest` is the last run to start or end. Example: `"depth=5 technique=nee rep=0"`
     #[arg(default_value = "latest")]
     pub run: String,
+    /// Explain why it would or would not be rendered again by a script [default: the one that its
+    /// experiment was last run with].
+    ///
+    /// Prints the setting in which the run differs from the script, a damaged or missing file, the
+    /// error of its last attempt, or the checkpoint from which it would resume.
+    #[arg(long, value_name = "SCRIPT", num_args = 0..=1, conflicts_with = "tree")]
+    pub why: Option<Option<PathBuf>>,
     /// Train the tree of a guided run again, and draw it where the camera sees this pixel.
     ///
     /// The figure has the regions of the tree, and the density of directions in the region of the

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand};
+use clap::Args;
 
 use super::typed::{SceneArg, scene_arg, seconds};
 use crate::experiment::spec::Order;
@@ -125,55 +125,40 @@ pub struct BenchArgs {
         value_parser = clap::value_parser!(u32).range(1..=1000)
     )]
     pub repeats: u32,
-    /// Print as JSON.
-    #[arg(long)]
-    pub json: bool,
-}
-
-/// Options of `lumbre benchmark`.
-#[derive(Args, Debug)]
-#[command(args_conflicts_with_subcommands = true)]
-pub struct BenchmarkArgs {
-    /// Verb about results.
-    #[command(subcommand)]
-    pub verb: Option<BenchmarkVerb>,
-    /// Measure for a minute instead of twenty.
-    #[arg(long)]
+    /// Measure this machine by the fixed suite instead, for comparisons with other machines.
+    ///
+    /// Renders six built-in scenes by every technique on every backend of this machine, or on the
+    /// given ones, in twenty minutes, and writes one file with machine, drivers, rates with their
+    /// spread, and checksums of pictures. Scenes, sizes and seeds belong to the version of the suite
+    /// and cannot be changed. Leave the machine alone meanwhile.
+    #[arg(
+        long,
+        conflicts_with_all = ["scenes", "only", "width", "height", "traversal", "mpaths", "repeats", "json"]
+    )]
+    pub suite: bool,
+    /// Measure the suite for a minute instead of twenty.
+    #[arg(long, requires = "suite")]
     pub quick: bool,
-    /// Measure only this backend (repeatable) [default: all that this machine can use].
-    #[arg(long, value_name = "NAME")]
-    pub backend: Vec<String>,
-    /// Name of the machine in tables [default: the model of its processor].
-    #[arg(long, value_name = "NAME")]
+    /// Name of the machine in tables of the suite [default: the model of its processor].
+    #[arg(long, value_name = "NAME", requires = "suite")]
     pub name: Option<String>,
-    /// Write the result to this file [default: benchmark-1.json].
-    #[arg(short = 'o', long = "to", value_name = "FILE")]
-    pub to: Option<PathBuf>,
-    /// Width and height in pixels, for tests; results of other sizes are not compared.
-    #[arg(long, hide = true, value_parser = crate::cli::scene::trace::size)]
-    pub size: Option<[u32; 2]>,
-    /// Duration of the whole benchmark, for tests.
-    #[arg(long, hide = true, value_parser = seconds)]
-    pub time: Option<f64>,
-}
-
-/// Verbs about results of the benchmark.
-#[derive(Debug, Subcommand)]
-pub enum BenchmarkVerb {
-    /// Compare the results of several machines in tables.
+    /// Compare results of the suite of several machines in tables, relative to the first one.
     ///
     /// Prints the sampling rate of every technique on every scene and backend, the same relative to
     /// the first one, and which pictures have the same bits.
-    Compare(BenchmarkCompareArgs),
-}
-
-/// Options of `lumbre benchmark compare`.
-#[derive(Args, Debug)]
-pub struct BenchmarkCompareArgs {
-    /// Results of `lumbre benchmark`; the first one is the base of ratios.
-    #[arg(required = true, value_name = "FILE")]
-    pub files: Vec<PathBuf>,
-    /// Also write the tables as Markdown, CSV and LaTeX to this folder.
-    #[arg(short = 'o', long, value_name = "DIR")]
+    #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with_all = ["suite", "scenes"])]
+    pub compare: Vec<PathBuf>,
+    /// Write the result of the suite to this file [default: benchmark-1.json], or the tables of
+    /// `--compare` as Markdown, CSV and LaTeX to this folder.
+    #[arg(short = 'o', long = "to", value_name = "FILE")]
     pub to: Option<PathBuf>,
+    /// Print as JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// Width and height of the suite in pixels, for tests; results of other sizes are not compared.
+    #[arg(long, hide = true, value_parser = crate::cli::scene::trace::size)]
+    pub size: Option<[u32; 2]>,
+    /// Duration of the suite, for tests.
+    #[arg(long, hide = true, value_parser = seconds)]
+    pub time: Option<f64>,
 }

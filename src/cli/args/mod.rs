@@ -17,9 +17,9 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 
 pub use cluster::{CancelArgs, JobArgs, Scheduler, SubmitArgs, WorkArgs};
-pub use inspect::{ExplainArgs, LsArgs, ShowArgs, StatusArgs, WatchArgs};
-pub use measure::{BenchArgs, BenchmarkArgs, BenchmarkCompareArgs, BenchmarkVerb, VerifyArgs};
-pub use night::{NightArgs, PlanArgs, RetryArgs, RunArgs, ScriptArgs};
+pub use inspect::{LsArgs, ShowArgs, StatusArgs, WatchArgs};
+pub use measure::{BenchArgs, VerifyArgs};
+pub use night::{NightArgs, PlanArgs, RunArgs, ScriptArgs};
 pub use output::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, ViewArgs};
 pub use scene::{BsdfArgs, CheckArgs, ExportArgs, TraceArgs};
 pub use typed::{SceneArg, integrator_row, split, unknown_name, value};
@@ -172,13 +172,11 @@ pub enum Verb {
     /// Run an experiment and write its figures and tables.
     ///
     /// Renders all cells that are not finished yet; cells that an earlier night finished are not
-    /// rendered again. If a night was interrupted, run the same command to resume it.
-    Run(RunArgs),
-    /// Run failed and unfinished cells again.
+    /// rendered again. If a night was interrupted, run the same command to resume it, or
+    /// `lumbre run --retry`.
     ///
-    /// Without `--failed` this does the same as `lumbre run`, and the script may be omitted. With
-    /// `--failed` it runs only the cells whose last attempt failed.
-    Retry(RetryArgs),
+    /// Example: lumbre run latest --failed
+    Run(RunArgs),
     /// Run one cluster worker for an already planned night.
     ///
     /// The worker needs access to the night's folder, in which `lumbre run` or `lumbre submit`
@@ -196,11 +194,6 @@ pub enum Verb {
     ///
     /// Finished runs are kept. Submit again to resume the rest.
     Cancel(CancelArgs),
-    /// Explain why a run would or would not be rendered again.
-    ///
-    /// Prints the setting in which the run differs from the current script, a damaged or missing
-    /// file, the error of its last attempt, or the checkpoint from which it would resume.
-    Explain(ExplainArgs),
     /// Show what a script would render, without rendering.
     ///
     /// Lists all cells and references, whether they are cached, and which points are skipped and
@@ -230,7 +223,7 @@ pub enum Verb {
     Status(StatusArgs),
     /// List experiments and the states of their runs.
     Ls(LsArgs),
-    /// Show the configuration, last measurements and files of one run.
+    /// Show the configuration, last measurements and files of one run, or why it is rendered again.
     Show(ShowArgs),
     /// Print the script interface for editors and other programs.
     Schema(SchemaArgs),
@@ -267,17 +260,12 @@ pub enum Verb {
     /// time to a relative RMSE of 5 % (root of the mean squared error over the mean of the
     /// picture). The last three are a dash if an integrator found light too rarely to estimate its
     /// variance.
+    ///
+    /// With `--suite`, measures a fixed set of scenes instead, whose results of different machines
+    /// can be compared.
+    ///
+    /// Example: lumbre bench --suite --name laptop -o laptop.json
     Bench(BenchArgs),
-    /// Measure this machine by a fixed suite, for comparisons with other machines.
-    ///
-    /// Renders six built-in scenes by every technique on every backend of this machine, in twenty
-    /// minutes, and writes one file with machine, drivers, rates with their spread, and checksums of
-    /// pictures. Scenes, sizes and seeds belong to the version of the suite and cannot be changed;
-    /// `lumbre bench` measures other scenes, and rays and variances. Leave the machine alone
-    /// meanwhile.
-    ///
-    /// Example: lumbre benchmark --name laptop -o laptop.json
-    Benchmark(BenchmarkArgs),
     /// Measure the error of a picture against a reference picture.
     ///
     /// Accepts EXR, HDR, PNG, JPEG and BMP files of any origin. Files with 8 or 16 bits are decoded

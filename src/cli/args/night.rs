@@ -1,6 +1,6 @@
-//! Options of the verbs that plan and render nights: `run`, `retry` and `plan`.
+//! Options of the verbs that plan and render nights: `run` and `plan`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
@@ -24,20 +24,56 @@ pub struct ScriptArgs {
 }
 
 /// Options of `lumbre run`.
-#[derive(Args, Debug)]
+#[derive(Args, Debug, Default)]
 pub struct RunArgs {
-    /// Script of the experiment.
-    #[command(flatten)]
-    pub script: ScriptArgs,
+    /// Script of the experiment (.lua).
+    ///
+    /// With `--retry` or `--failed` also a night: its folder, `latest`, or words of its name
+    /// [default: the latest night]. Its last command is repeated.
+    #[arg(required_unless_present_any = ["retry", "failed"])]
+    pub script: Option<PathBuf>,
+    /// Replace the values of an axis, as in `depth=5,9`.
+    #[arg(value_name = "AXIS=V,V", value_parser = axis_values)]
+    pub axes: Vec<(String, Vec<Value>)>,
+    /// Run only cells with this value of an axis (repeatable).
+    #[arg(long, value_name = "AXIS=VALUE", value_parser = axis_values)]
+    pub only: Vec<(String, Vec<Value>)>,
     /// Limits and devices of the night.
     #[command(flatten)]
     pub night: NightArgs,
-    /// Print the plan and exit.
+    /// Run failed and unfinished cells of a night again.
+    ///
+    /// Says first what is run and what is kept.
+    #[arg(long)]
+    pub retry: bool,
+    /// Run only cells whose last attempt failed.
+    #[arg(long)]
+    pub failed: bool,
+    /// Print the plan, or what `--retry` or `--failed` would run, and exit.
     #[arg(long)]
     pub dry_run: bool,
     /// Whether the tables at the end are left out, for verbs that print results of their own.
     #[arg(skip)]
     pub without_tables: bool,
+}
+
+impl RunArgs {
+    /// Returns whether a night is run again.
+    pub fn is_again(&self) -> bool {
+        self.retry || self.failed
+    }
+
+    /// Returns the script and its changes, or `None` if a night is meant or nothing is given.
+    pub fn script(&self) -> Option<ScriptArgs> {
+        let is_script = |given: &PathBuf| {
+            !self.is_again() || given.is_file() || given.extension().is_some_and(|e| e == "lua")
+        };
+        Some(ScriptArgs {
+            script: self.script.clone().filter(is_script)?,
+            axes: self.axes.clone(),
+            only: self.only.clone(),
+        })
+    }
 }
 
 /// Limits and devices of a night.
@@ -71,56 +107,6 @@ pub struct NightArgs {
     /// Send pictures to the image viewer tev, which listens at 127.0.0.1:14158 by default.
     #[arg(long, value_name = "HOST:PORT")]
     pub tev: Option<String>,
-}
-
-/// Options of `lumbre retry`.
-#[derive(Args, Debug)]
-pub struct RetryArgs {
-    /// Script of the experiment, or a night: its folder, `latest`, or words of its name [default:
-    /// the latest night].
-    script: Option<PathBuf>,
-    /// Replace the values of an axis, as in `depth=5,9`.
-    #[arg(value_name = "AXIS=V,V", value_parser = axis_values)]
-    axes: Vec<(String, Vec<Value>)>,
-    /// Run only cells with this value of an axis (repeatable).
-    #[arg(long, value_name = "AXIS=VALUE", value_parser = axis_values)]
-    only: Vec<(String, Vec<Value>)>,
-    /// Limits and devices of the night.
-    #[command(flatten)]
-    pub night: NightArgs,
-    /// Run only cells whose last attempt failed.
-    ///
-    /// Without it, everything that is not done is run, as by `lumbre run`.
-    #[arg(long)]
-    pub failed: bool,
-    /// Print what would be run and exit.
-    #[arg(long)]
-    pub dry_run: bool,
-}
-
-impl RetryArgs {
-    /// Returns the selection of a night, or `None` if a script was given.
-    pub fn night_selection(&self) -> Option<Option<&Path>> {
-        match &self.script {
-            Some(script) if is_script(script) => None,
-            selection => Some(selection.as_deref()),
-        }
-    }
-
-    /// Returns the script and its changes, or `None` if no script was given.
-    pub fn script(&self) -> Option<ScriptArgs> {
-        let script = self.script.clone().filter(|script| is_script(script))?;
-        Some(ScriptArgs {
-            script,
-            axes: self.axes.clone(),
-            only: self.only.clone(),
-        })
-    }
-}
-
-/// Whether an argument names a script and not a night.
-fn is_script(argument: &Path) -> bool {
-    argument.is_file() || argument.extension().is_some_and(|e| e == "lua")
 }
 
 /// Options of `lumbre plan`.

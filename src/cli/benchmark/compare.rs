@@ -1,19 +1,19 @@
-//! `lumbre benchmark compare`: tables of the results of many machines.
+//! `lumbre bench --compare`: tables of the results of many machines.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use super::result::{BenchmarkCell, BenchmarkResult};
-use crate::cli::args::{BenchmarkCompareArgs, Global};
+use crate::cli::args::{BenchArgs, Global};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path};
 use crate::output::benchmark::{RateGroup, RateTable, tables};
 use crate::store;
 
-/// Runs `lumbre benchmark compare`.
-pub fn main(args: &BenchmarkCompareArgs, global: &Global) -> Result<Exit, Failure> {
+/// Prints tables of the results of several machines, and writes them if a folder is given.
+pub fn main(args: &BenchArgs, global: &Global) -> Result<Exit, Failure> {
     let results: Vec<BenchmarkResult> = args
-        .files
+        .compare
         .iter()
         .map(|file| BenchmarkResult::read(file))
         .collect::<Result<_, _>>()

@@ -8,7 +8,7 @@ use std::time::{Instant, SystemTime};
 use super::result::{BenchmarkCell, BenchmarkResult, Machine, SUITE_VERSION};
 use crate::backends::BACKENDS;
 use crate::cli::about::doctor;
-use crate::cli::args::{BenchmarkArgs, Global};
+use crate::cli::args::{BenchArgs, Global};
 use crate::cli::format::duration;
 use crate::cli::scene::builtin::{BuiltIn, scene_name};
 use crate::store::{Host, utc};
@@ -63,7 +63,7 @@ struct Task {
 /// # Errors
 /// Returns a message if a backend that was asked for cannot be used, or a picture fails.
 pub fn measure(
-    args: &BenchmarkArgs,
+    args: &BenchArgs,
     global: &Global,
     progress: &mut dyn FnMut(&str),
 ) -> Result<BenchmarkResult, String> {

@@ -1,33 +1,27 @@
-//! `lumbre benchmark`: a fixed set of scenes and techniques with a version, measured on every backend
+//! `lumbre bench --suite`: a fixed set of scenes and techniques with a version, measured on every backend
 //! of a machine, with one file as the result; and tables of the files of many machines.
 //!
-//! `lumbre bench` measures whatever is asked for, in more detail, and its numbers are for one
-//! machine. Here scenes, sizes and seeds are fixed, so that numbers of different machines can stand
+//! Otherwise `lumbre bench` measures whatever is asked for, in more detail, and its numbers are for
+//! one machine. Here scenes, sizes and seeds are fixed, so that numbers of different machines can stand
 //! in one table.
 
-mod compare;
+pub mod compare;
 mod measure;
 mod result;
 
 use std::path::PathBuf;
 
-use crate::cli::args::{BenchmarkArgs, BenchmarkVerb, Global};
+use crate::cli::args::{BenchArgs, Global};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::display_path;
 use crate::store;
 
 use result::SUITE_VERSION;
 
-/// Runs `lumbre benchmark`.
-pub fn main(args: &BenchmarkArgs, global: &Global) -> Result<Exit, Failure> {
-    match &args.verb {
-        Some(BenchmarkVerb::Compare(args)) => compare::main(args, global),
-        None => run(args, global),
-    }
-}
+pub use compare::main as compare;
 
 /// Measures this machine and writes the result.
-fn run(args: &BenchmarkArgs, global: &Global) -> Result<Exit, Failure> {
+pub fn run(args: &BenchArgs, global: &Global) -> Result<Exit, Failure> {
     let file = args.to.clone().unwrap_or_else(|| {
         let kind = if args.quick { "-quick" } else { "" };
         PathBuf::from(format!("benchmark-{SUITE_VERSION}{kind}.json"))

@@ -99,8 +99,11 @@ impl BenchmarkResult {
     pub fn read(file: &Path) -> Result<BenchmarkResult, String> {
         let fail = |problem: String| format!("{}: {problem}", file.display());
         let text = std::fs::read_to_string(file).map_err(|e| fail(e.to_string()))?;
-        let head: VersionOnly = serde_json::from_str(&text)
-            .map_err(|e| fail(format!("this is not a result of `lumbre benchmark`: {e}")))?;
+        let head: VersionOnly = serde_json::from_str(&text).map_err(|e| {
+            fail(format!(
+                "this is not a result of `lumbre bench --suite`: {e}"
+            ))
+        })?;
         if head.benchmark != SUITE_VERSION {
             return Err(fail(format!(
                 "the suite has version {}, but this program compares version {SUITE_VERSION}; \

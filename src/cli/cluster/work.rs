@@ -25,7 +25,7 @@ use crate::experiment::forecast::ThroughputHistory;
 use crate::experiment::run::Options;
 use crate::experiment::run_progress::Claim;
 use crate::experiment::{
-    CellRef, CellResult, NightControls, NightSummary, Outcome, Plan, Sink, SinkError, run,
+    CellRef, Night, NightControls, NightSummary, Outcome, Plan, Sink, SinkError, run,
 };
 use crate::script::Script;
 use crate::store::schema::journal::JournalEvent;
@@ -220,9 +220,7 @@ impl ClusterWorker<'_> {
                 results::print_left_to_others(self.plan, &night);
                 return Ok(Exit::WorkLeft);
             }
-            if night.results.len() < self.plan.cells.len() + self.plan.references.len()
-                && self.is_limited(&options)
-            {
+            if night.night.ended() < night.night.all().count() && self.is_limited(&options) {
                 self.print_unless_quiet(|| "stopped with work left".to_owned());
                 return Ok(Exit::WorkLeft);
             }
@@ -342,7 +340,7 @@ impl ClusterWorker<'_> {
         stop_signal: &StopSignal,
         night: &NightSummary,
     ) -> Result<Option<Exit>, Failure> {
-        let hash = results_hash(self.plan, night);
+        let hash = results_hash(&night.night);
         loop {
             if control.stop_requested() {
                 return Ok(Some(stop_signal.exit()));
@@ -354,11 +352,7 @@ impl ClusterWorker<'_> {
                         display_path(self.store.folder())
                     )
                 });
-                return Ok(Some(results::night_exit(
-                    self.plan,
-                    night,
-                    stop_signal.exit(),
-                )));
+                return Ok(Some(results::night_exit(night, stop_signal.exit())));
             }
             if self.store.claim_closing().map_err(Failure::internal)? == Claim::Granted {
                 break;
@@ -389,10 +383,10 @@ impl ClusterWorker<'_> {
         let Some(night) = self.collect_results(control)? else {
             return Ok(None);
         };
-        let collected = results::collect(self.store, self.plan, &night);
-        results::write_results(self.store, self.plan, &night, &collected)?;
+        let collected = results::collect(self.store, self.plan, &night.night);
+        results::write_results(self.store, self.plan, &night.night, &collected)?;
         results::print_tables(self.plan, &collected)?;
-        results::print_failures(self.plan, &night);
+        results::print_failures(&night.night);
         results::print_disagreements(self.plan, &night);
         self.print_unless_quiet(|| {
             format!(
@@ -402,8 +396,8 @@ impl ClusterWorker<'_> {
         });
         // The entry is only informative: workers find out from other files that the night is done.
         let _ = self.store.journal(JournalEvent::NightClosed {});
-        let exit = results::night_exit(self.plan, &night, Exit::Interrupted);
-        Ok(Some((exit, results_hash(self.plan, &night))))
+        let exit = results::night_exit(&night, Exit::Interrupted);
+        Ok(Some((exit, results_hash(&night.night))))
     }
 
     /// Reads the results of all runs of the plan, and compares references with second techniques.
@@ -438,39 +432,24 @@ impl ClusterWorker<'_> {
             options,
         );
         let mut night = night.map_err(Failure::internal)?;
-        night
-            .results
-            .extend(failed.into_iter().map(|(cell, reason)| CellResult {
-                cell,
-                outcome: Outcome::Failed(reason),
-                rows: Arc::default(),
-                floors: Arc::default(),
-                open: Default::default(),
-            }));
-        night.results.sort_by_key(|result| match result.cell {
-            CellRef::Reference(index) => (0, index),
-            CellRef::Cell(index) => (1, index),
-        });
+        for (cell, reason) in failed {
+            let event = Event::ended(cell, Outcome::Failed(reason), Vec::new());
+            night.night.apply(&event);
+        }
         Ok(Some(night))
     }
 }
 
 /// Returns a hash of the ids of all runs and whether each one failed.
-fn results_hash(plan: &Plan, night: &NightSummary) -> String {
-    let state = |outcome: &Outcome| {
-        if matches!(outcome, Outcome::Failed(_)) {
-            "failed"
-        } else {
-            "done"
-        }
+fn results_hash(night: &Night) -> String {
+    let line = |cell: CellRef| {
+        let state = match night.outcome(cell)? {
+            Outcome::Failed(_) => "failed",
+            _ => "done",
+        };
+        Some(format!("{cell:?} {} {state}", night.id(cell)))
     };
-    let lines: BTreeSet<String> = night
-        .results
-        .iter()
-        .map(|CellResult { cell, outcome, .. }| {
-            format!("{cell:?} {} {}", plan.id(*cell), state(outcome))
-        })
-        .collect();
+    let lines: BTreeSet<String> = night.all().filter_map(line).collect();
     let lines: Vec<String> = lines.into_iter().collect();
     blake3::hash(lines.join("\n").as_bytes())
         .to_hex()
@@ -506,18 +485,12 @@ pub(super) fn local_disk_warning(home: &Path) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::output::fixture::{done, ended, numbers, plan};
+    use crate::output::fixture::{done, ended, night, numbers, plan};
 
     #[test]
     fn the_hash_of_results_tells_failed_runs_from_finished_ones() {
         let plan = plan(&[("depth", numbers(&[2.0, 5.0]))], 1);
-        let hash = |results: [CellResult; 2]| {
-            let night = NightSummary {
-                results: results.into(),
-                ..NightSummary::default()
-            };
-            results_hash(&plan, &night)
-        };
+        let hash = |events: [Event; 2]| results_hash(&night(&plan, &events));
         let finished = |cell| done(cell, &[(1.0, 0.5)]);
         let failed = |cell| ended(cell, Outcome::Failed("no memory".to_owned()));
         let cached = |cell| ended(cell, Outcome::Cached("runs/0".into()));

@@ -1,31 +1,35 @@
-//! `lumbre explain`: why a run would or would not be rendered again.
+//! `lumbre show RUN --why`: why a run would or would not be rendered again.
 
 use std::path::Path;
 
 use serde_json::{Value as Json, json};
 
-use crate::cli::args::{ExplainArgs, Global, ScriptArgs};
-use crate::cli::exit::{Exit, Failure, print_result};
+use crate::cli::args::{Global, ScriptArgs};
+use crate::cli::exit::{Failure, print_result};
 use crate::cli::format::display_path;
+use crate::cli::json;
 use crate::cli::night::last_command::last_command;
 use crate::cli::night::load;
 use crate::cli::night::permission::PlanUse;
-use crate::cli::{json, selector};
 use crate::experiment::{CellRef, Plan};
 use crate::store::schema::plan::PlanFile;
 use crate::store::{Integrity, RunReader, RunRecord, StoredFile};
 use lumbre_light::value::Value;
 
-/// Runs `lumbre explain` for one run.
-pub fn main(args: &ExplainArgs, global: &Global) -> Result<Exit, Failure> {
-    let record = selector::run(&args.run, &global.out)?;
+/// Prints why a run would or would not be rendered again by a script, or by that with which its
+/// experiment was last run.
+pub fn print(
+    record: &RunRecord,
+    script: Option<&Path>,
+    as_json: bool,
+    global: &Global,
+) -> Result<(), Failure> {
     let folder = std::path::absolute(&record.folder).map_err(Failure::usage)?;
-    let (script, global) = match &args.script {
+    let (script, global) = match script {
         Some(script) => (
             ScriptArgs {
-                script: script.clone(),
-                axes: Vec::new(),
-                only: Vec::new(),
+                script: script.to_owned(),
+                ..ScriptArgs::default()
             },
             global.clone(),
         ),
@@ -35,7 +39,7 @@ pub fn main(args: &ExplainArgs, global: &Global) -> Result<Exit, Failure> {
                 .find(|up| up.join(PlanFile::NAME).is_file());
             let Some(experiment) = experiment else {
                 return Err(Failure::usage(
-                    "references are shared by experiments: give the script as a second argument",
+                    "references are shared by experiments: name the script, --why SCRIPT",
                 ));
             };
             last_command(experiment, global)?
@@ -45,9 +49,9 @@ pub fn main(args: &ExplainArgs, global: &Global) -> Result<Exit, Failure> {
     let id = record.config.run.as_str();
     let verdict = match find_run(&plan, id) {
         Some(cell) => explain_planned_run(&plan, cell, &folder, id),
-        None => explain_missing_run(&plan, &record),
+        None => explain_missing_run(&plan, record),
     };
-    if args.json {
+    if as_json {
         let fields = verdict
             .fields
             .iter()
@@ -55,7 +59,7 @@ pub fn main(args: &ExplainArgs, global: &Global) -> Result<Exit, Failure> {
         let fields: Vec<Json> = fields.collect();
         let json = json!({ "run": id, "again": verdict.again, "reasons": verdict.reasons,
             "fields": fields });
-        json::print(json)?;
+        json::print(json)
     } else {
         let mut page = format!(
             "{id}  {}\n",
@@ -67,12 +71,11 @@ pub fn main(args: &ExplainArgs, global: &Global) -> Result<Exit, Failure> {
         for [field, old, new] in &verdict.fields {
             page += &format!("    {field}: {old} in the run, {new} in the script\n");
         }
-        print_result(&page)?;
+        print_result(&page)
     }
-    Ok(Exit::Done)
 }
 
-/// Answer of `lumbre explain`.
+/// Whether a run is rendered again, and why.
 struct Verdict {
     /// Whether the current script would render this run, completely or from a checkpoint.
     again: bool,

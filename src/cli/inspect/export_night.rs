@@ -10,7 +10,7 @@ use crate::cli::args::{ExportArgs, Global};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path};
 use crate::output::report::{self, Member, ReportOptions, Study};
-use crate::store::read::night_results::read_night;
+use crate::store::read::night::read_night;
 use crate::store::{self, Evidence};
 
 /// Script that draws the exported pictures with figuregen.
@@ -27,7 +27,7 @@ pub fn main(args: &ExportArgs, global: &Global) -> Result<Exit, Failure> {
         _ => "csv",
     };
     let folder = args.folder.clone();
-    let folder = folder.unwrap_or_else(|| PathBuf::from(format!("{}-{kind}", nights[0].name)));
+    let folder = folder.unwrap_or_else(|| PathBuf::from(format!("{}-{kind}", nights[0].plan.name)));
     let mut export = Export {
         folder: &folder,
         evidence: &evidence,
@@ -35,8 +35,7 @@ pub fn main(args: &ExportArgs, global: &Global) -> Result<Exit, Failure> {
     };
     let shown = match kind {
         "jeri" => {
-            let tree =
-                json!({ "title": study.nights[0].name, "children": jeri(&mut export, &study)? });
+            let tree = json!({ "title": study.nights[0].plan.name, "children": jeri(&mut export, &study)? });
             export.write("data.js", format!("const data = {tree:#};\n").as_bytes())?
         }
         "figuregen" => {
@@ -143,7 +142,7 @@ struct FacetPictures<'a> {
 /// Title of a facet; the name of the night if there is only one.
 fn title(study: &Study, facet: usize) -> String {
     match study.facet_label(facet).as_str() {
-        "" => study.nights[0].name.clone(),
+        "" => study.nights[0].plan.name.clone(),
         label => label.to_owned(),
     }
 }

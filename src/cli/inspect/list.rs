@@ -6,38 +6,89 @@ use std::path::Path;
 use clap::ValueEnum;
 use serde_json::{Value as Json, json};
 
-use super::guiding;
+use super::{explain, guiding};
 use crate::cli::args::{Global, LsArgs, ShowArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{self, counted, display_path};
 use crate::cli::{json, selector};
+use crate::experiment::night::run::RunState;
+use crate::experiment::{CellRef, Night, Outcome, WaveRow};
 use crate::store::schema::journal::WaveRecord;
 use crate::store::schema::run::DoneFile;
-use crate::store::{
-    ExperimentEntry, Listing, Measurements, RunEntry, RunRecord, RunState, latest_experiment,
-    list_experiments,
-};
+use crate::store::{Listing, Measurements, RunRecord, latest_experiment, list_experiments};
+
+/// A line of the list: a run, or a reference that is rendered.
+struct Line<'a> {
+    id: &'a str,
+    /// Readable path, or the name of a reference.
+    path: String,
+    state: &'a RunState,
+    /// Samples and render time, if it is finished.
+    last: Option<&'a WaveRow>,
+    /// Folder in which it is finished, or will be.
+    folder: &'a Path,
+}
+
+/// The runs and references of a night that are listed.
+struct Listed<'a> {
+    night: &'a Night,
+    runs: Vec<Line<'a>>,
+    references: Vec<Line<'a>>,
+}
+
+impl<'a> Listed<'a> {
+    /// Lists all runs and rendered references of a night.
+    fn new(night: &'a Night) -> Listed<'a> {
+        let line = |cell: CellRef, own: &'a Path| {
+            let state = night.state(cell)?;
+            Some(Line {
+                id: night.id(cell),
+                path: night.path(cell),
+                last: night.last_row(cell),
+                folder: match state {
+                    RunState::Ended(Outcome::Cached(folder)) => folder,
+                    _ => own,
+                },
+                state,
+            })
+        };
+        let runs = night.runs.iter().enumerate();
+        let references = night.references.iter().enumerate();
+        let rendered = references.filter(|(_, reference)| reference.is_rendered());
+        Listed {
+            night,
+            runs: runs
+                .filter_map(|(i, run)| line(CellRef::Cell(i), &run.folder))
+                .collect(),
+            references: rendered
+                .filter_map(|(i, reference)| line(CellRef::Reference(i), &reference.folder))
+                .collect(),
+        }
+    }
+
+    fn lines(&self) -> impl Iterator<Item = &Line<'a>> {
+        self.references.iter().chain(&self.runs)
+    }
+}
 
 /// Runs `lumbre ls`: lists experiments, and their runs if they are asked for.
 pub fn ls(args: &LsArgs, global: &Global) -> Result<Exit, Failure> {
     let Listing {
-        mut experiments,
+        mut nights,
         refused,
     } = list_experiments(&global.out);
     for error in &refused {
         print_status(&format!("not listed: {error}"));
     }
-    let all = experiments.len() + refused.len();
+    let all = nights.len() + refused.len();
     if args.latest {
         let newest = latest_experiment(&global.out).and_then(|folder| folder.canonicalize().ok());
-        experiments.retain(|e| newest.is_some() && e.folder.canonicalize().ok() == newest);
+        nights.retain(|e| newest.is_some() && e.folder.canonicalize().ok() == newest);
     }
+    let mut experiments: Vec<Listed> = nights.iter().map(Listed::new).collect();
     let mut problems = !refused.is_empty();
-    for run in experiments
-        .iter()
-        .flat_map(|e| e.references.iter().chain(&e.runs))
-    {
-        if let RunState::Damaged(problem) = &run.state {
+    for line in experiments.iter().flat_map(Listed::lines) {
+        if let RunState::Damaged(problem) = line.state {
             print_status(&format!("damaged: {problem}"));
             problems = true;
         }
@@ -62,7 +113,7 @@ pub fn ls(args: &LsArgs, global: &Global) -> Result<Exit, Failure> {
         }
     } else {
         let text = if filtered || args.runs || args.latest {
-            let page = |e: &ExperimentEntry| headline(e, filtered) + &run_lines(e);
+            let page = |e: &Listed| headline(e, filtered) + &run_lines(e);
             experiments.iter().map(page).collect::<Vec<_>>().join("\n")
         } else {
             experiments.iter().map(|e| headline(e, false)).collect()
@@ -74,7 +125,7 @@ pub fn ls(args: &LsArgs, global: &Global) -> Result<Exit, Failure> {
 
 /// Removes the runs that do not match the words and states of the arguments, and experiments
 /// without matching runs. Returns whether the arguments contain a filter.
-fn filter_runs(experiments: &mut Vec<ExperimentEntry>, args: &LsArgs) -> bool {
+fn filter_runs(experiments: &mut Vec<Listed>, args: &LsArgs) -> bool {
     let words: Vec<String> = args.words.iter().map(|word| word.to_lowercase()).collect();
     let states: Vec<String> = args
         .state
@@ -85,20 +136,12 @@ fn filter_runs(experiments: &mut Vec<ExperimentEntry>, args: &LsArgs) -> bool {
         return false;
     }
     for experiment in experiments.iter_mut() {
-        let folder = experiment
-            .folder
-            .file_name()
-            .map(|n| n.to_string_lossy().into_owned())
-            .unwrap_or_default();
-        let matches = |run: &RunEntry| {
-            let reason = match &run.state {
-                RunState::Done(reason) | RunState::Failed(reason) | RunState::Damaged(reason) => {
-                    reason.as_str()
-                }
-                _ => "",
-            };
-            let text = format!("{folder} {} {} {reason}", run.path, run.run).to_lowercase();
-            (states.is_empty() || states.iter().any(|state| state == run.state.name()))
+        let folder = experiment.night.folder.file_name().unwrap_or_default();
+        let folder = folder.to_string_lossy();
+        let matches = |line: &Line| {
+            let reason = line.state.reason();
+            let text = format!("{folder} {} {} {reason}", line.path, line.id).to_lowercase();
+            (states.is_empty() || states.iter().any(|state| state == line.state.name()))
                 && words.iter().all(|word| text.contains(word))
         };
         experiment.runs.retain(&matches);
@@ -110,7 +153,7 @@ fn filter_runs(experiments: &mut Vec<ExperimentEntry>, args: &LsArgs) -> bool {
 
 /// Formats folder and number of runs of an experiment. `filtered` means that these are not all of
 /// its runs.
-fn headline(experiment: &ExperimentEntry, filtered: bool) -> String {
+fn headline(experiment: &Listed, filtered: bool) -> String {
     let mut counts = Vec::new();
     for word in [
         "done",
@@ -120,11 +163,8 @@ fn headline(experiment: &ExperimentEntry, filtered: bool) -> String {
         "unfinished",
         "pending",
     ] {
-        let n = experiment
-            .runs
-            .iter()
-            .filter(|r| r.state.name() == word)
-            .count();
+        let runs = experiment.runs.iter();
+        let n = runs.filter(|run| run.state.name() == word).count();
         if n > 0 {
             counts.push(format!("{n} {word}"));
         }
@@ -135,60 +175,54 @@ fn headline(experiment: &ExperimentEntry, filtered: bool) -> String {
     );
     format!(
         "{}  {cells}: {}\n",
-        display_path(&experiment.folder),
+        display_path(&experiment.night.folder),
         counts.join(", ")
     )
 }
 
 /// Formats the references and runs of an experiment, one line each.
-fn run_lines(experiment: &ExperimentEntry) -> String {
-    let line = |run: &RunEntry, name: &str| {
-        let samples = run.samples.map(|n| format!("{n} spp")).unwrap_or_default();
-        let time = run.render_s.map(format::duration).unwrap_or_default();
-        let detail = match &run.state {
-            RunState::Failed(reason) | RunState::Damaged(reason) => reason.clone(),
-            RunState::Elsewhere(folder) => format!("in {}", display_path(folder)),
-            RunState::Done(_) | RunState::Unfinished | RunState::Pending => String::new(),
+fn run_lines(experiment: &Listed) -> String {
+    let cells = |line: &Line| {
+        let samples = line.last.map(|row| format!("{} spp", row.samples));
+        let time = line.last.map(|row| format::duration(row.render_s));
+        let detail = match line.state {
+            RunState::Ended(Outcome::Failed(reason)) | RunState::Damaged(reason) => reason.clone(),
+            RunState::Ended(Outcome::Cached(folder)) => format!("in {}", display_path(folder)),
+            _ => String::new(),
         };
-        let id = run.run[..run.run.len().min(8)].to_owned();
         vec![
-            format!("  {}", run.state.name()),
-            id,
-            name.to_owned(),
-            samples,
-            time,
+            format!("  {}", line.state.name()),
+            line.id[..line.id.len().min(8)].to_owned(),
+            line.path.clone(),
+            samples.unwrap_or_default(),
+            time.unwrap_or_default(),
             detail,
         ]
     };
-    let references = experiment.references.iter().map(|r| line(r, &r.path));
-    let lines: Vec<Vec<String>> = references
-        .chain(experiment.runs.iter().map(|r| line(r, &r.path)))
-        .collect();
+    let lines: Vec<Vec<String>> = experiment.lines().map(cells).collect();
     format::aligned(&lines)
 }
 
 /// Returns an experiment and its runs as JSON.
-fn experiment_json(experiment: &ExperimentEntry) -> Json {
-    let run = |run: &RunEntry| {
-        let reason = match &run.state {
-            RunState::Done(reason) | RunState::Failed(reason) | RunState::Damaged(reason) => {
-                Some(reason.clone())
+fn experiment_json(experiment: &Listed) -> Json {
+    let run = |line: &Line| {
+        let reason = match line.state {
+            RunState::Ended(Outcome::Done(_) | Outcome::Failed(_)) | RunState::Damaged(_) => {
+                Some(line.state.reason())
             }
-            RunState::Elsewhere(_) | RunState::Unfinished | RunState::Pending => None,
-        };
-        let folder = match &run.state {
-            RunState::Elsewhere(folder) => folder,
-            _ => &run.folder,
+            _ => None,
         };
         json!({
-            "run": run.run, "path": run.path, "state": run.state.name(), "reason": reason,
-            "samples": run.samples, "render_s": run.render_s, "folder": display_path(folder),
+            "run": line.id, "path": line.path, "state": line.state.name(), "reason": reason,
+            "samples": line.last.map(|row| row.samples),
+            "render_s": line.last.map(|row| row.render_s),
+            "folder": display_path(line.folder),
         })
     };
     json!({
-        "name": experiment.name,
-        "folder": display_path(&experiment.folder),
-        "hash": experiment.hash,
+        "name": experiment.night.plan.name,
+        "folder": display_path(&experiment.night.folder),
+        "hash": experiment.night.plan.hash,
         "runs": experiment.runs.iter().map(run).collect::<Vec<_>>(),
         "references": experiment.references.iter().map(run).collect::<Vec<_>>(),
     })
@@ -197,6 +231,10 @@ fn experiment_json(experiment: &ExperimentEntry) -> Json {
 /// Runs `lumbre show`: prints one run.
 pub fn show(args: &ShowArgs, global: &Global) -> Result<Exit, Failure> {
     let run = selector::run(&args.run, &global.out)?;
+    if let Some(script) = &args.why {
+        explain::print(&run, script.as_deref(), args.json, global)?;
+        return Ok(Exit::Done);
+    }
     for problem in &run.problems {
         print_status(&format!(
             "left out: {}: {problem}",

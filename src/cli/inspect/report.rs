@@ -10,12 +10,12 @@ use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path};
 use crate::cli::night::load::decode_picture;
 use crate::cli::{json, selector};
-use crate::experiment::night_results::NightResults;
+use crate::experiment::night::Night;
 use crate::output::picture;
 use crate::output::report::{
     self, ItemKind, Report, ReportContext, ReportError, ReportItem, ReportOptions, Study,
 };
-use crate::store::read::night_results::read_night;
+use crate::store::read::night::read_night;
 use crate::store::{self, Evidence};
 use lumbre_light::film::Image;
 
@@ -26,7 +26,7 @@ pub fn main(args: &ReportArgs, global: &Global) -> Result<Exit, Failure> {
         let folder = selector::night(night, &global.out)?;
         read_night(&folder, &evidence).map_err(Failure::usage)
     };
-    let nights: Vec<NightResults> = if args.nights.is_empty() {
+    let nights: Vec<Night> = if args.nights.is_empty() {
         vec![read(None)?]
     } else {
         let nights = args.nights.iter().map(|night| read(Some(night)));
@@ -140,7 +140,7 @@ fn report_options(args: &ReportArgs) -> ReportOptions {
 }
 
 /// Prints the notes of a report, and how many figures and tables it has.
-fn print_summary(report: &Report, nights: &[NightResults]) {
+fn print_summary(report: &Report, nights: &[Night]) {
     for note in &report.notes {
         print_status(&format!("note: {note}"));
     }

@@ -4,18 +4,18 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::time::SystemTime;
 
-use super::watch::{apply_event, begin_model, open_follower};
+use super::watch::{apply, open_follower};
 use crate::cli::args::{Global, StatusArgs};
 use crate::cli::cluster::WorkerList;
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{self, counted, display_path};
-use crate::experiment::CellRef;
+use crate::experiment::night::state_counts::StateCounts;
+use crate::experiment::{CellRef, Outcome};
 use crate::store::schema::status::{
     CellCounts, CurrentRun, FailureRecord, ReferenceCounts, ShardCounts, StatusReport,
 };
 use crate::store::{StoredFile, utc};
 use crate::tui::format as tui_format;
-use crate::tui::model::entry::{EntryState, PlanEntry, StateCounts};
 use crate::tui::model::eta::Eta;
 use crate::tui::model::night::NightModel;
 
@@ -27,10 +27,9 @@ const MAX_FAILURES: usize = 10;
 /// Runs `lumbre status`: prints the progress of a night and its workers.
 pub fn main(args: &StatusArgs, global: &Global) -> Result<Exit, Failure> {
     let mut follower = open_follower(args.folder.as_deref(), global)?;
-    let mut model = NightModel::default();
-    begin_model(&mut model, &follower);
-    for event in follower.poll() {
-        apply_event(&mut model, event);
+    let mut model = NightModel::new(follower.night().clone());
+    if let Some(changes) = follower.poll() {
+        apply(&mut model, changes);
     }
     let now_s = SystemTime::now()
         .duration_since(SystemTime::UNIX_EPOCH)
@@ -93,31 +92,15 @@ impl NightStatus<'_> {
     }
 
     fn name(&self, cell: CellRef) -> String {
-        self.model
-            .plan
-            .as_ref()
-            .map_or_else(String::new, |plan| tui_format::cell_name(plan, cell))
+        tui_format::cell_name(&self.model.night, cell)
     }
 
-    fn failures(&self) -> impl Iterator<Item = (CellRef, &str)> {
-        let reference = self
-            .model
-            .references
-            .iter()
-            .enumerate()
-            .map(|(i, e)| (CellRef::Reference(i), e));
-        let cells = self
-            .model
-            .cells
-            .iter()
-            .enumerate()
-            .map(|(i, e)| (CellRef::Cell(i), e));
-        reference
-            .chain(cells)
-            .filter_map(|(cell, entry): (CellRef, &PlanEntry)| match &entry.state {
-                EntryState::Failed(reason) => Some((cell, &**reason)),
-                _ => None,
-            })
+    fn failures(&self) -> impl Iterator<Item = (CellRef, String)> {
+        let night = &self.model.night;
+        night.all().filter_map(|cell| match night.outcome(cell)? {
+            Outcome::Failed(reason) => Some((cell, tui_format::clean(reason))),
+            _ => None,
+        })
     }
 
     /// Formats the status as text.
@@ -145,7 +128,7 @@ impl NightStatus<'_> {
     /// Returns the lines with the numbers of cells and references by state.
     fn count_lines(&self) -> Vec<Vec<String>> {
         let model = self.model;
-        let counts = StateCounts::from_entries(&model.cells);
+        let counts = StateCounts::of_runs(&model.night.runs);
         let parts = [
             (counts.done + counts.cached, "done"),
             (counts.failed, "failed"),
@@ -162,7 +145,7 @@ impl NightStatus<'_> {
             "cells".to_owned(),
             format!("{}: {}", counts.total(), parts.join(", ")),
         ]];
-        let references = StateCounts::from_entries(&model.references);
+        let references = StateCounts::of_references(&model.night.references);
         if references.total() > 0 {
             let mut settled = format!("{} of {}", references.settled(), references.total());
             if let Some((done, of)) = self.shards() {
@@ -215,11 +198,7 @@ impl NightStatus<'_> {
         if let Some(current) = model.current.as_ref().filter(|current| current.running) {
             lines.push(vec!["now".to_owned(), self.name(current.cell)]);
             if let Some(row) = current.curve.last() {
-                let metrics = model
-                    .plan
-                    .iter()
-                    .flat_map(|plan| plan.metrics.iter())
-                    .zip(&row.metrics);
+                let metrics = model.metrics().iter().zip(&row.metrics);
                 let metrics: Vec<String> = metrics
                     .map(|(m, v)| format!("  {} {}", m.column, tui_format::number(*v)))
                     .collect();
@@ -238,7 +217,7 @@ impl NightStatus<'_> {
     /// Returns the numbers of finished shards and of all shards, summed over the unfinished
     /// references that are rendered in shards; `None` if there are no such references.
     fn shards(&self) -> Option<(usize, usize)> {
-        let open = (0..self.model.references.len())
+        let open = (0..self.model.night.references.len())
             .filter_map(|i| self.model.shard_progress(CellRef::Reference(i)));
         open.reduce(|(done, of), more| (done + more.0, of + more.1))
     }
@@ -246,7 +225,7 @@ impl NightStatus<'_> {
     /// Returns the status as a record for programs.
     fn report(&self, workers: &WorkerList) -> StatusReport {
         let model = self.model;
-        let counts = StateCounts::from_entries(&model.cells);
+        let counts = StateCounts::of_runs(&model.night.runs);
         let running = model.current.as_ref().filter(|current| current.running);
         let current = running.map(|current| {
             let row = current.curve.last();
@@ -263,7 +242,7 @@ impl NightStatus<'_> {
             .map(|(done, total)| ShardCounts { done, total });
         let failures = self.failures().map(|(cell, reason)| FailureRecord {
             name: self.name(cell),
-            reason: reason.to_owned(),
+            reason,
         });
         StatusReport {
             folder: self.folder.clone(),
@@ -277,8 +256,8 @@ impl NightStatus<'_> {
                 waiting: counts.waiting,
             },
             references: ReferenceCounts {
-                total: model.references.len(),
-                settled: StateCounts::from_entries(&model.references).settled(),
+                total: model.night.references.len(),
+                settled: StateCounts::of_references(&model.night.references).settled(),
                 shards,
             },
             elapsed_s: (self.state() != "not started").then(|| model.night_s(self.now_s)),

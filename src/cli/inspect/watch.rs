@@ -15,9 +15,8 @@ use crate::cli::night::signals;
 use crate::cli::selector;
 use crate::experiment::NightControls;
 use crate::output::time;
-use crate::store::{FollowEvent, Follower, TimedEvent, WorkerState, WorkerStatus};
+use crate::store::{Follower, TimedEvent, TimesFile, Update, WorkerState, WorkerStatus};
 use crate::tui::model::night::NightModel;
-use crate::tui::model::strategy_thumbnails::StrategyThumbnail;
 use crate::tui::model::time_preview::{TimePreview, TimePreviewBuilder};
 use crate::tui::model::worker_list::WorkerLine;
 use crate::tui::{self, Dashboard, Role};
@@ -48,21 +47,15 @@ pub fn main(args: &WatchArgs, global: &Global, log: &Log) -> Result<Exit, Failur
     signals::install(Arc::clone(&control))?;
     log.defer_stderr();
     let dashboard = Dashboard::start(Role::Watch, Box::new(|| {})).map_err(Failure::internal)?;
-    dashboard.update_model(|model| begin_model(model, &follower));
+    dashboard.update_model(|model| *model = NightModel::new(follower.night().clone()));
     let mut waited = FILE_POLL_INTERVAL;
     while !dashboard.is_over() && !control.stop_requested() {
         if waited >= FILE_POLL_INTERVAL {
             // Read files before the model is locked, so that a slow disk does not block keys.
-            let events = follower.poll();
-            let preview = events
-                .iter()
-                .rev()
-                .find_map(|event| load_time_preview(&event.event));
-            if !events.is_empty() {
+            if let Some(changes) = follower.poll() {
+                let preview = changes.times.iter().rev().find_map(load_time_preview);
                 dashboard.update_model(|model| {
-                    for event in events {
-                        apply_event(model, event);
-                    }
+                    apply(model, changes);
                     if let Some(preview) = preview {
                         model.set_time_preview(preview);
                     }
@@ -87,66 +80,19 @@ pub(in crate::cli) fn open_follower(
     Follower::open(&folder, decode_picture).map_err(Failure::usage)
 }
 
-/// Initializes a model with the plan of a night, before any event.
-pub fn begin_model(model: &mut NightModel, follower: &Follower) {
-    model.begin_night(Arc::clone(follower.outline()), 0.0);
-    // The start time is set by an event of the journal, if the night was started.
-    model.started_s = None;
-}
-
-/// Applies an event that the follower found in the files to the model.
-pub fn apply_event(model: &mut NightModel, TimedEvent { at_s, event }: TimedEvent) {
-    match event {
-        FollowEvent::NightStarted => model.begin_next_night(at_s),
-        FollowEvent::CellStarted {
-            cell,
-            config,
-            open,
-            reference,
-        } => {
-            model.start_run(cell, open, reference, at_s);
-            if let Some(config) = config {
-                model.set_config(cell, Arc::new(*config));
-            }
-        }
-        FollowEvent::RunActive { cell } => model.mark_running(cell, at_s),
-        FollowEvent::ShardChanged {
-            reference,
-            finished,
-            total,
-        } => model.update_shards(reference, finished, total, at_s),
-        FollowEvent::Workers(workers) => model.set_workers(worker_lines(&workers)),
-        FollowEvent::Wave { cell, row } => model.add_wave(cell, &row, 0.0, at_s),
-        FollowEvent::ImageUpdated { cell, image } => model.set_image(cell, image),
-        FollowEvent::StrategyImage {
-            cell,
-            s,
-            t,
-            weighted,
-            image,
-        } => {
-            model.add_strategy_thumbnail(cell, StrategyThumbnail::from_film(s, t, weighted, &image))
-        }
-        FollowEvent::CellFinished {
-            cell,
-            outcome,
-            last,
-        } => model.finish_run(cell, &outcome, last.as_ref(), at_s),
-        FollowEvent::Message { level, cell, text } => model.log(level, cell, &text, at_s),
-        FollowEvent::BiasCheck { reference, agrees } => model.set_bias_check(reference, agrees),
-        FollowEvent::Forecast(left) => model.set_forecast(left, at_s),
-        FollowEvent::NightFinished => model.end_night(at_s),
-        // The preview is loaded before the model is locked.
-        FollowEvent::TimesWritten { .. } => {}
+/// Applies what the follower found in the files to the model.
+pub fn apply(model: &mut NightModel, changes: Update) {
+    for TimedEvent { at_s, event } in changes.events {
+        model.receive(&event, at_s);
+    }
+    if let Some(workers) = changes.workers {
+        model.set_workers(worker_lines(&workers));
     }
 }
 
-/// Loads the preview of a run's time axis row by row. Returns `None` for other events, and if the
-/// file cannot be read or does not match the axis.
-fn load_time_preview(event: &FollowEvent) -> Option<TimePreview> {
-    let FollowEvent::TimesWritten { cell, file, axis } = event else {
-        return None;
-    };
+/// Loads the preview of a run's time axis row by row. Returns `None` if the file cannot be read or
+/// does not match the axis.
+fn load_time_preview(TimesFile { cell, file, axis }: &TimesFile) -> Option<TimePreview> {
     let mut reader = BufReader::new(File::open(file).ok()?);
     let [height, width, bins, 3] = time::read_shape(&mut reader).ok()?[..] else {
         return None;
@@ -228,7 +174,7 @@ mod tests {
             .unwrap();
         std::fs::write(&file, &bytes).unwrap();
         let cell = CellRef::Cell(3);
-        let timed = |axis| FollowEvent::TimesWritten {
+        let timed = |axis| TimesFile {
             cell,
             file: file.clone(),
             axis,

@@ -63,14 +63,19 @@ pub fn parse<'a>(
     arguments: impl Iterator<Item = &'a str>,
     home: &Path,
 ) -> Result<(ScriptArgs, Global), &'static str> {
-    let cli = Cli::try_parse_from(std::iter::once("lumbre").chain(arguments))
+    let mut words: Vec<&str> = arguments.collect();
+    // Earlier versions had a verb for this, which only options can precede.
+    let verb = words.iter().position(|word| !word.starts_with('-'));
+    if let Some(verb) = verb.filter(|verb| words[*verb] == "retry") {
+        words.splice(verb..=verb, ["run", "--retry"]);
+    }
+    let cli = Cli::try_parse_from(std::iter::once("lumbre").chain(words))
         .map_err(|_| "the recorded command is invalid")?;
     let script = match cli.verb {
-        Verb::Run(args) => args.script,
-        Verb::Submit(args) => args.scheduler.job().script.clone(),
-        Verb::Retry(args) => args
+        Verb::Run(args) => args
             .script()
-            .ok_or("it was last run by `lumbre retry` without a script")?,
+            .ok_or("it was last run by `lumbre run --retry` without a script")?,
+        Verb::Submit(args) => args.scheduler.job().script.clone(),
         Verb::Compare(_) => ScriptArgs {
             script: home.join(SCRIPT_COPY),
             ..ScriptArgs::default()

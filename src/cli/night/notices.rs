@@ -104,10 +104,10 @@ impl Sink for Notifier {
                 Outcome::Interrupted => self.counts[2] += 1,
             },
             Event::BiasCheck {
-                reference, found, ..
-            } if !found.agrees() => {
+                reference, check, ..
+            } if !check.agrees => {
                 let cell = self.path(CellRef::Reference(*reference));
-                let text = format!("{cell}: {}", found.describe());
+                let text = format!("{cell}: {}", check.finding);
                 self.tell(NoticeEvent::Alarm, text);
             }
             Event::NightFinished => {

@@ -5,10 +5,10 @@ use std::collections::BTreeSet;
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path};
 use crate::experiment::aa_check;
-use crate::experiment::night_results::NightResults;
+use crate::experiment::night::state_counts::StateCounts;
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::spec::{FigureSpec, TableFormat};
-use crate::experiment::{CellRef, CellResult, NightSummary, Outcome, Plan, PlanOutline};
+use crate::experiment::{Night, NightSummary, Outcome, Plan};
 use crate::output::report::requested;
 use crate::output::{plot, summary};
 use crate::store::Store;
@@ -46,11 +46,11 @@ pub(super) fn print_backends(plan: &Plan) {
 pub(in crate::cli) fn write_results(
     store: &Store,
     plan: &Plan,
-    night: &NightSummary,
-    results: &NightResults,
+    night: &Night,
+    results: &Night,
 ) -> Result<(), Failure> {
     let write = |name: &str, bytes: &[u8]| store.write(name, bytes).map_err(Failure::internal);
-    write("summary.csv", summary::csv(plan, &night.results).as_bytes())?;
+    write("summary.csv", summary::csv(plan, night).as_bytes())?;
     for spec in &plan.tables {
         for table in requested::tables(plan, results, spec) {
             for format in &spec.formats {
@@ -78,7 +78,7 @@ pub(in crate::cli) fn write_results(
     if !repeats.is_empty() {
         write("repeats.csv", repeats.as_bytes())?;
     }
-    let findings = aa_check::check(plan, &night.results);
+    let findings = aa_check::check(plan, night);
     if !findings.is_empty() {
         write("aa-check.csv", summary::aa_check_csv(&findings).as_bytes())?;
     }
@@ -87,15 +87,16 @@ pub(in crate::cli) fn write_results(
 
 /// Collects the results of a night for its figures and tables. Devices are found only if one of them
 /// shows times, which depend on devices, since that reads a file of every run.
-pub(in crate::cli) fn collect(store: &Store, plan: &Plan, night: &NightSummary) -> NightResults {
+pub(in crate::cli) fn collect(store: &Store, plan: &Plan, night: &Night) -> Night {
     let timed = plan.tables.iter().any(|spec| spec.value.is_clock())
         || plan.figures.iter().any(FigureSpec::is_timed);
-    let device = |result: &CellResult| timed.then(|| store.device(plan, result)).flatten();
-    requested::night(plan, &night.results, device)
+    requested::night(night, |cell, outcome| {
+        timed.then(|| store.device(plan, cell, outcome)).flatten()
+    })
 }
 
 /// Prints all tables of a plan to stdout as Markdown.
-pub(in crate::cli) fn print_tables(plan: &Plan, results: &NightResults) -> Result<(), Failure> {
+pub(in crate::cli) fn print_tables(plan: &Plan, results: &Night) -> Result<(), Failure> {
     let tables = plan
         .tables
         .iter()
@@ -109,16 +110,10 @@ pub(in crate::cli) fn print_tables(plan: &Plan, results: &NightResults) -> Resul
 }
 
 /// Prints the failed runs of a night and the reasons.
-pub(in crate::cli) fn print_failures(plan: &Plan, night: &NightSummary) {
-    let mut outline = None;
-    for result in &night.results {
-        if let Outcome::Failed(reason) = &result.outcome {
-            let outline = outline.get_or_insert_with(|| PlanOutline::from_plan(plan));
-            let name = match result.cell {
-                CellRef::Cell(i) => plan.cells[i].path.clone(),
-                CellRef::Reference(i) => format!("reference {}", outline.reference_name(i)),
-            };
-            print_status(&format!("failed: {name}: {reason}"));
+pub(in crate::cli) fn print_failures(night: &Night) {
+    for cell in night.all() {
+        if let Some(Outcome::Failed(reason)) = night.outcome(cell) {
+            print_status(&format!("failed: {}: {reason}", night.path(cell)));
         }
     }
 }
@@ -147,8 +142,8 @@ pub(in crate::cli) fn print_disagreements(plan: &Plan, night: &NightSummary) {
 
 /// Prints the findings of the A/A check. With `quiet`, prints only those that chance does not
 /// explain.
-pub(super) fn print_aa_check(plan: &Plan, night: &NightSummary, quiet: bool) {
-    for finding in aa_check::check(plan, &night.results)
+pub(super) fn print_aa_check(plan: &Plan, night: &Night, quiet: bool) {
+    for finding in aa_check::check(plan, night)
         .iter()
         .filter(|finding| finding.alarm || !quiet)
     {
@@ -158,14 +153,15 @@ pub(super) fn print_aa_check(plan: &Plan, night: &NightSummary, quiet: bool) {
 }
 
 /// Prints how many runs are done, cached, failed or left, and where the results are.
-pub(super) fn print_locations(store: &Store, plan: &Plan, night: &NightSummary) {
+pub(super) fn print_locations(store: &Store, plan: &Plan, night: &Night) {
     let folder = store.folder();
-    let count =
-        |wanted: fn(&Outcome) -> bool| night.results.iter().filter(|r| wanted(&r.outcome)).count();
-    let failed = count(|o| matches!(o, Outcome::Failed(_)));
-    let done = count(|o| matches!(o, Outcome::Done(_)));
-    let cached = count(|o| matches!(o, Outcome::Cached(_)));
-    let all = plan.cells.len() + plan.references.len();
+    let StateCounts {
+        done,
+        cached,
+        failed,
+        ..
+    } = night.counts();
+    let all = night.all().count();
     print_status(&format!(
         "{done} done, {cached} cached, {failed} failed, {} left of {all}",
         all - done - cached - failed
@@ -212,26 +208,17 @@ pub(in crate::cli) fn exit_after(
 }
 
 /// Returns the exit code for a night. `interrupted` is the code if the night was interrupted.
-pub(in crate::cli) fn night_exit(plan: &Plan, night: &NightSummary, interrupted: Exit) -> Exit {
-    let settled = |o: &Outcome| matches!(o, Outcome::Done(_) | Outcome::Cached(_));
-    let settled_cells = night
-        .results
-        .iter()
-        .filter(|r| matches!(r.cell, CellRef::Cell(_)) && settled(&r.outcome))
-        .count();
+pub(in crate::cli) fn night_exit(night: &NightSummary, interrupted: Exit) -> Exit {
+    let is_failed = |cell| matches!(night.night.outcome(cell), Some(Outcome::Failed(_)));
     if night.interrupted {
         interrupted
     } else if !night.disagreements.is_empty() {
         // This outranks failed cells: errors measured against a wrong reference are worse than
         // none.
         Exit::Disagreement
-    } else if night
-        .results
-        .iter()
-        .any(|r| matches!(r.outcome, Outcome::Failed(_)))
-    {
+    } else if night.night.all().any(is_failed) {
         Exit::CellsFailed
-    } else if settled_cells < plan.cells.len() {
+    } else if !night.night.runs.iter().all(|run| run.is_done()) {
         Exit::WorkLeft
     } else {
         Exit::Done

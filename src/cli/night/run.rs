@@ -1,4 +1,4 @@
-//! `lumbre run` and `lumbre retry`: renders a whole night in this process.
+//! `lumbre run`: renders a whole night in this process.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -12,7 +12,7 @@ use super::permission::PlanUse;
 use super::progress_view::ProgressView;
 use super::recorder::Recorder;
 use super::{deadline, load_average, results, signals};
-use crate::cli::args::{Global, NightArgs, RetryArgs, RunArgs, ScriptArgs};
+use crate::cli::args::{Global, NightArgs, RunArgs, ScriptArgs};
 use crate::cli::cluster::{LocalWorkers, save_plan_snapshot, worker_info};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path};
@@ -20,40 +20,23 @@ use crate::cli::selector;
 use crate::cli::tev::{Tev, TevSink};
 use crate::experiment::event::{History, Sink};
 use crate::experiment::forecast::ThroughputHistory;
+use crate::experiment::night::state_counts::StateCounts;
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::run::Options;
-use crate::experiment::{CellRef, CellResult, NightControls, NightSummary, Outcome, Plan, run};
+use crate::experiment::{CellRef, Night, NightControls, NightSummary, Plan, run};
 use crate::script::Script;
-use crate::store::{RunState, Store, list_experiments, throughput_history};
+use crate::store::{Store, list_experiments, throughput_history};
 
-/// Runs `lumbre run`: renders an experiment and writes its results.
+/// Runs `lumbre run`: renders an experiment, or what is left of a night, and writes its results.
 pub fn main(args: &RunArgs, global: &Global, log: &Log) -> Result<Exit, Failure> {
     use_first_device(&args.night);
-    let usage = if args.dry_run {
-        PlanUse::Show
-    } else {
-        PlanUse::Render
-    };
-    let (script, plan) = load::load_plan(&args.script, usage, global)?;
-    if args.dry_run {
-        return crate::cli::night::plan::print(&plan, global, false);
-    }
-    let request = NightRequest {
-        retries: false,
-        night: &args.night,
-        only_failed: false,
-        without_tables: args.without_tables,
-        script: Some(&args.script),
-    };
-    run_night(&script, &plan, &request, global, log)
-}
-
-/// Runs `lumbre retry`: renders all unfinished runs of an experiment, or only those that failed.
-pub fn retry(args: &RetryArgs, global: &Global, log: &Log) -> Result<Exit, Failure> {
-    use_first_device(&args.night);
-    let (script_args, global) = match args.night_selection() {
-        Some(night) => last_command(&selector::night(night, &global.out)?, global)?,
-        None => (args.script().unwrap_or_default(), global.clone()),
+    let given = args.script();
+    let (script_args, global) = match &given {
+        Some(script) => (script.clone(), global.clone()),
+        None => {
+            let night = selector::night(args.script.as_deref(), &global.out)?;
+            last_command(&night, global)?
+        }
     };
     let usage = if args.dry_run {
         PlanUse::Show
@@ -61,18 +44,17 @@ pub fn retry(args: &RetryArgs, global: &Global, log: &Log) -> Result<Exit, Failu
         PlanUse::Render
     };
     let (script, plan) = load::load_plan(&script_args, usage, &global)?;
-    if args.dry_run {
+    if args.dry_run && args.is_again() {
         let intention = intention(&plan, &global.out, args.failed);
         print_result(&format!("{intention}\n"))?;
         return Ok(Exit::Done);
     }
-    let named = args.script();
+    if args.dry_run {
+        return crate::cli::night::plan::print(&plan, &global, false);
+    }
     let request = NightRequest {
-        retries: true,
-        night: &args.night,
-        only_failed: args.failed,
-        without_tables: false,
-        script: named.as_ref(),
+        args,
+        script: given.as_ref(),
     };
     run_night(&script, &plan, &request, &global, log)
 }
@@ -86,13 +68,7 @@ fn use_first_device(night: &NightArgs) {
 
 /// Night that was requested on the command line.
 struct NightRequest<'a> {
-    /// Whether the runs to be retried are stated first.
-    retries: bool,
-    night: &'a NightArgs,
-    /// Whether only runs whose last attempt failed are rendered.
-    only_failed: bool,
-    /// Whether no tables are printed at the end.
-    without_tables: bool,
+    args: &'a RunArgs,
     /// Script as given on the command line. If there is one, the command and a snapshot of the plan
     /// are saved, so that the night can be repeated and workers can join it.
     script: Option<&'a ScriptArgs>,
@@ -107,14 +83,20 @@ fn run_night(
     log: &Log,
 ) -> Result<Exit, Failure> {
     load::print_notes_and_warnings(plan, global.quiet);
-    let tev = request.night.tev.as_deref().map(Tev::connect).transpose()?;
-    let devices = if request.only_failed {
+    let tev = request
+        .args
+        .night
+        .tev
+        .as_deref()
+        .map(Tev::connect)
+        .transpose()?;
+    let devices = if request.args.failed {
         Vec::new()
     } else {
-        LocalWorkers::devices(plan, request.night)?
+        LocalWorkers::devices(plan, &request.args.night)?
     };
     let mut store = Store::open(&global.out, plan, decode_picture).map_err(Failure::usage)?;
-    let failed = request.only_failed.then(|| failed_runs(plan, &store));
+    let failed = request.args.failed.then(|| failed_runs(plan, &store));
     if failed.as_ref().is_some_and(BTreeSet::is_empty) {
         if !global.quiet {
             print_status(&format!(
@@ -124,8 +106,8 @@ fn run_night(
         }
         return Ok(Exit::Done);
     }
-    if request.retries && !global.quiet {
-        print_status(&intention(plan, &global.out, request.only_failed));
+    if request.args.is_again() && !global.quiet {
+        print_status(&intention(plan, &global.out, request.args.failed));
     }
     if let Some(script) = request.script {
         store.write_env().map_err(Failure::usage)?;
@@ -141,17 +123,24 @@ fn run_night(
     {
         print_status(&format!("warning: {warning}"));
     }
-    let options = night_options(plan, request.night, global, &remaining, failed)?;
+    let options = night_options(plan, &request.args.night, global, &remaining, failed)?;
     let mut workers = LocalWorkers::default();
     if !remaining.is_empty() {
         store
-            .join_as_planner(plan, &worker_info(plan, request.night.affinity))
+            .join_as_planner(plan, &worker_info(plan, request.args.night.affinity))
             .map_err(Failure::usage)?;
         let is_open = |cell: CellRef| !remaining.done.contains(&cell);
         let folder = store.folder();
-        workers = LocalWorkers::start(&devices, plan, folder, request.night, global, &is_open)?;
+        workers = LocalWorkers::start(
+            &devices,
+            plan,
+            folder,
+            &request.args.night,
+            global,
+            &is_open,
+        )?;
     }
-    let viewer = tev.map(|tev| TevSink::new(tev, Arc::clone(plan)));
+    let viewer = tev.map(|tev| TevSink::new(tev, Night::planned(plan)));
     let notifier = (!remaining.is_empty()).then(|| Notifier::start(plan, store.folder()));
     let displays = Displays {
         global,
@@ -164,8 +153,7 @@ fn run_night(
     // early.
     let night = &ended.night;
     if !night.interrupted
-        && night.results.len() + night.other_workers.len()
-            == plan.cells.len() + plan.references.len()
+        && night.night.ended() + night.other_workers.len() == night.night.all().count()
     {
         workers.wait(&ended.control);
     }
@@ -173,23 +161,22 @@ fn run_night(
     finish_night(plan, &store, ended, request, global)
 }
 
-/// Describes what `lumbre retry` runs and what it keeps.
+/// Describes what is run again and what is kept.
 fn intention(plan: &Plan, out: &Path, only_failed: bool) -> String {
-    let nights = list_experiments(out).experiments;
-    let Some(night) = nights.iter().find(|night| night.hash == plan.hash) else {
+    let nights = list_experiments(out).nights;
+    let Some(night) = nights.iter().find(|night| night.plan.hash == plan.hash) else {
         return format!("{} has not been run yet: runs all of it", plan.name);
     };
-    let states = night.runs.iter().chain(&night.references);
-    let (mut failed, mut done, mut others) = (0, 0, 0);
-    for run in states {
-        match run.state {
-            RunState::Failed(_) => failed += 1,
-            RunState::Done(_) | RunState::Elsewhere(_) => done += 1,
-            RunState::Damaged(_) | RunState::Unfinished | RunState::Pending => others += 1,
-        }
-    }
+    let is_rendered = |cell: &CellRef| match cell {
+        CellRef::Cell(_) => true,
+        CellRef::Reference(i) => night.references[*i].is_rendered(),
+    };
+    let states = night.all().filter(is_rendered);
+    let counts = StateCounts::of(states.filter_map(|cell| night.state(cell)));
+    let done = counts.done + counts.cached;
+    let others = counts.total() - counts.settled();
     let folder = display_path(&night.folder);
-    let failed = counted(failed, "failed run");
+    let failed = counted(counts.failed, "failed run");
     if only_failed {
         format!("{folder}: runs {failed} again; {done} done and {others} unfinished are left alone")
     } else {
@@ -248,50 +235,40 @@ fn finish_night(
 ) -> Result<Exit, Failure> {
     // Finished runs that this night did not render, or left to workers with other devices, also
     // belong in tables and figures.
-    let night = if request.only_failed || !ended.night.other_workers.is_empty() {
-        with_finished_runs(ended.night, plan, store)
-    } else {
-        ended.night
-    };
-    let collected = results::collect(store, plan, &night);
-    let written = results::write_results(store, plan, &night, &collected);
-    let printed = if request.without_tables {
+    let mut night = ended.night;
+    if request.args.failed || !night.other_workers.is_empty() {
+        add_finished_runs(&mut night, plan, store);
+    }
+    let collected = results::collect(store, plan, &night.night);
+    let written = results::write_results(store, plan, &night.night, &collected);
+    let printed = if request.args.without_tables {
         Ok(())
     } else {
         results::print_tables(plan, &collected)
     };
     if !ended.failures_printed {
-        results::print_failures(plan, &night);
+        results::print_failures(&night.night);
     }
     results::print_left_to_others(plan, &night);
     results::print_disagreements(plan, &night);
-    results::print_aa_check(plan, &night, global.quiet);
+    results::print_aa_check(plan, &night.night, global.quiet);
     if !global.quiet {
-        results::print_locations(store, plan, &night);
+        results::print_locations(store, plan, &night.night);
     }
-    let exit = results::night_exit(plan, &night, ended.exit);
+    let exit = results::night_exit(&night, ended.exit);
     results::exit_after(&night, exit, written.and(printed))
 }
 
 /// Adds the finished runs of a plan that are missing in the results of a night.
-fn with_finished_runs(mut night: NightSummary, plan: &Plan, history: &dyn History) -> NightSummary {
-    let present: BTreeSet<CellRef> = night.results.iter().map(|result| result.cell).collect();
-    for cell in (0..plan.cells.len())
-        .map(CellRef::Cell)
-        .filter(|cell| !present.contains(cell))
-    {
-        if let Some(run) = history.finished_run(plan, cell) {
-            night.results.push(CellResult {
-                cell,
-                outcome: Outcome::Cached(run.folder),
-                rows: Arc::new(run.rows),
-                floors: run.floors,
-                open: run.open,
-            });
+fn add_finished_runs(night: &mut NightSummary, plan: &Plan, history: &dyn History) {
+    for cell in (0..plan.cells.len()).map(CellRef::Cell) {
+        if night.night.outcome(cell).is_none()
+            && let Some(run) = history.finished_run(plan, cell)
+        {
+            night.night.apply(&run.event(cell));
             night.other_workers.retain(|(other, _)| *other != cell);
         }
     }
-    night
 }
 
 /// Work that is left of a plan.

@@ -6,19 +6,21 @@ use serde_json::json;
 
 use super::experiment_text::{experiment_name, reference_technique, script_text};
 use super::verdict::{TechniqueResults, Verdict, verdicts};
-use crate::cli::args::{CompareArgs, Global, NightArgs, RunArgs, ScriptArgs};
+use crate::cli::args::{CompareArgs, Global, RunArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{display_path, rounded};
 use crate::cli::night::last_command::latest;
 use crate::cli::night::log::Log;
 use crate::cli::night::run;
 use crate::experiment::WaveRow;
-use crate::experiment::night_results::{NightResults, RunResult, biased_reference, efficiency};
+use crate::experiment::night::Night;
+use crate::experiment::night::reference::biased_reference;
+use crate::experiment::night::run::{Run, efficiency};
 use crate::output::clock;
 use crate::output::lanes::mixed_lanes;
 use crate::output::metric_display::MetricDisplay;
 use crate::output::repeats::MetricCurve;
-use crate::store::read::night_results::read_night;
+use crate::store::read::night::read_night;
 use crate::store::{self, Evidence};
 use lumbre_light::transport::integrator::bias_of;
 use lumbre_metrics::MetricSpec;
@@ -39,14 +41,9 @@ pub fn main(args: &CompareArgs, global: &Global, log: &Log) -> Result<Exit, Fail
         .map_err(|e| Failure::usage(format!("cannot create {}: {e}", folder.display())))?;
     store::write_atomically(&script, text.as_bytes()).map_err(Failure::internal)?;
     let request = RunArgs {
-        script: ScriptArgs {
-            script: script.clone(),
-            axes: Vec::new(),
-            only: Vec::new(),
-        },
-        night: NightArgs::default(),
-        dry_run: false,
+        script: Some(script.clone()),
         without_tables: args.json,
+        ..RunArgs::default()
     };
     let exit = run::main(&request, global, log)?;
     if exit != Exit::Done {
@@ -71,7 +68,10 @@ pub fn main(args: &CompareArgs, global: &Global, log: &Log) -> Result<Exit, Fail
             .iter()
             .map(|sentence| format!("warning: {sentence}")),
     );
-    let runs = night.runs.iter().map(|run| (run.integrator.as_str(), run));
+    let runs = night
+        .runs
+        .iter()
+        .map(|run| (run.integrator.as_str(), &**run));
     lines.extend(mixed_lanes(runs).map(|sentence| format!("warning: {sentence}")));
     lines.push(format!("script: {}", display_path(&script)));
     if args.json {
@@ -84,30 +84,30 @@ pub fn main(args: &CompareArgs, global: &Global, log: &Log) -> Result<Exit, Fail
 }
 
 /// Returns sentences on the clocks of the runs.
-fn clock_caveats(night: &NightResults) -> Vec<String> {
+fn clock_caveats(night: &Night) -> Vec<String> {
     let finished = night.runs.iter().filter(|run| run.is_done());
     let shares = finished.map(|run| (run.integrator.as_str(), run.lost_share));
-    clock::caveats(shares, &night.order)
+    clock::caveats(shares, &night.plan.order)
 }
 
 /// Returns the metric of the comparison and its last value in a run.
-fn last_error<'a>(night: &'a NightResults, run: &RunResult) -> Option<(&'a MetricSpec, f64)> {
-    let index = night.metrics.iter().position(|m| m.column == METRIC)?;
+fn last_error<'a>(night: &'a Night, run: &Run) -> Option<(&'a MetricSpec, f64)> {
+    let index = night.plan.metrics.iter().position(|m| m.column == METRIC)?;
     let value = *run.rows.last()?.metrics.get(index)?;
-    Some((&night.metrics[index], value))
+    Some((&night.plan.metrics[index], value))
 }
 
 /// Returns the efficiencies of all finished runs by technique at the render time that all of them
 /// reached, as the report's tables at equal time. Runs whose error is not above the noise of the
 /// reference have none.
-fn efficiencies(night: &NightResults, techniques: &[String]) -> Vec<TechniqueResults> {
+fn efficiencies(night: &Night, techniques: &[String]) -> Vec<TechniqueResults> {
     let finished = night.runs.iter().filter(|run| run.is_done());
     let reached = finished.filter_map(|run| Some(run.rows.last()?.render_s));
     let time_s = reached.reduce(f64::min);
-    let metric = night.metrics.iter().position(|m| m.column == METRIC);
-    let of_run = |run: &RunResult| {
+    let metric = night.plan.metrics.iter().position(|m| m.column == METRIC);
+    let of_run = |run: &Run| {
         let (time_s, metric) = time_s.zip(metric)?;
-        let spec = &night.metrics[metric];
+        let spec = &night.plan.metrics[metric];
         let display = MetricDisplay::for_metric(spec);
         let point = |row: &WaveRow| Some((row.render_s, *row.metrics.get(metric)?));
         let curve = MetricCurve::new(display, run.rows.iter().filter_map(point));
@@ -122,7 +122,7 @@ fn efficiencies(night: &NightResults, techniques: &[String]) -> Vec<TechniqueRes
                 .runs
                 .iter()
                 .filter(|run| run.integrator == *name && run.is_done())
-                .filter_map(of_run)
+                .filter_map(|run| of_run(run))
                 .collect(),
         })
         .collect()
@@ -157,7 +157,7 @@ fn sentence(verdict: &Verdict) -> String {
 }
 
 /// Returns a warning if the noise of the reference makes up much of the measured errors.
-fn floor_warning(night: &NightResults, reference: &str) -> Option<String> {
+fn floor_warning(night: &Night, reference: &str) -> Option<String> {
     let shares = night
         .runs
         .iter()
@@ -203,59 +203,64 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::experiment::night_results::RunState;
+    use crate::experiment::night::NightPlan;
+    use crate::experiment::night::run::{RunPlan, RunState};
+    use crate::experiment::{EndCause, Outcome};
 
     /// Returns a finished run from the render times and errors of its waves, which took ten times
     /// as long on the wall clock. `floor` is the noise of its reference.
-    fn run(technique: &str, waves: &[(f64, f64)], floor: Option<f64>) -> RunResult {
+    fn run(technique: &str, waves: &[(f64, f64)], floor: Option<f64>) -> Run {
         let row = |(render_s, error): &(f64, f64)| WaveRow {
             render_s: *render_s,
             wall_s: 10.0 * render_s,
             metrics: vec![0.5, *error],
             ..WaveRow::default()
         };
-        RunResult {
+        let plan = RunPlan {
             seed: 1,
             integrator: technique.to_owned(),
             scene: "box".to_owned(),
-            state: RunState::Done("1 s".to_owned()),
+            ..RunPlan::default()
+        };
+        Run {
+            planned: Arc::new(plan),
+            state: RunState::Ended(Outcome::Done(EndCause::other("1 s"))),
             rows: Arc::new(waves.iter().map(row).collect()),
             floors: floor
                 .map(|floor| (METRIC.to_owned(), floor))
                 .into_iter()
                 .collect(),
-            ..RunResult::default()
+            ..Run::default()
         }
     }
 
     #[test]
     fn an_efficiency_is_the_inverse_of_net_error_times_render_time() {
-        let unfinished = RunResult {
-            state: RunState::Unfinished,
+        let unfinished = Run {
+            state: RunState::Ended(Outcome::Interrupted),
             ..run("nee", &[(0.25, 0.9)], None)
         };
         let metric = |name: &str| MetricSpec::new(name, name, BTreeMap::new()).unwrap();
-        let night = NightResults {
-            folder: PathBuf::new(),
+        let plan = NightPlan {
             name: "compared".to_owned(),
-            plan: String::new(),
             seed: 1,
-            axes: Vec::new(),
             metrics: vec![metric("ssim"), metric(METRIC)],
-            report: Default::default(),
             order: "interleave".to_owned(),
-            machine: None,
-            runs: vec![
-                run("bpt", &[(1.0, 0.04), (2.0, 0.02)], None),
-                run("bpt", &[(1.0, 0.04), (2.0, 0.02)], Some(0.004)),
-                // The noise of the reference is all of its error.
-                run("bpt", &[(2.0, 0.02)], Some(0.02)),
-                // Its error after 2 s, when the first run ended, is 0.005.
-                run("nee", &[(1.0, 0.01), (4.0, 0.0025)], None),
-                unfinished,
-            ],
-            references: Vec::new(),
-            notes: Vec::new(),
+            ..NightPlan::default()
+        };
+        let runs = [
+            run("bpt", &[(1.0, 0.04), (2.0, 0.02)], None),
+            run("bpt", &[(1.0, 0.04), (2.0, 0.02)], Some(0.004)),
+            // The noise of the reference is all of its error.
+            run("bpt", &[(2.0, 0.02)], Some(0.02)),
+            // Its error after 2 s, when the first run ended, is 0.005.
+            run("nee", &[(1.0, 0.01), (4.0, 0.0025)], None),
+            unfinished,
+        ];
+        let night = Night {
+            plan: Arc::new(plan),
+            runs: runs.map(Arc::new).to_vec(),
+            ..Night::default()
         };
         let names = ["nee", "bpt"].map(str::to_owned);
         let found = efficiencies(&night, &names);

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{Cell, Reference, ReferenceSource};
-use crate::experiment::night_results::biased_reference;
+use crate::experiment::night::reference::biased_reference;
 use crate::text::counted;
 use lumbre_light::transport::integrator::bias_of;
 

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::attempt::{Attempt, RetryState};
 use super::waves::WaveSizer;
-use crate::experiment::event::FinishedRun;
+use crate::experiment::event::{Event, FinishedRun};
 use crate::experiment::noise_floor::NoiseFloors;
 use crate::experiment::outcome::{CellRef, Outcome, WaveRow};
 use crate::experiment::shards::{Shard, WorkUnit};
@@ -102,6 +102,21 @@ impl EndedRun {
             halves: None,
             floors: NoiseFloors::default(),
             open: OpenStats::default(),
+        }
+    }
+
+    /// Returns the event of the end.
+    pub(super) fn event(self, cell: CellRef) -> Event {
+        Event::CellFinished {
+            cell,
+            outcome: self.outcome,
+            film: self.film,
+            denoised: self.denoised,
+            layers: self.layers,
+            times: self.times,
+            rows: Arc::new(self.rows),
+            floors: self.floors,
+            open: Some(self.open),
         }
     }
 }

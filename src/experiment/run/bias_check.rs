@@ -7,6 +7,7 @@ use super::state::{NightRunner, ReferenceEstimate};
 use super::summary::Disagreement;
 use crate::experiment::bias_check::check_bias;
 use crate::experiment::event::Event;
+use crate::experiment::night::reference::BiasCheckSummary;
 use crate::experiment::outcome::{CellRef, Level};
 use crate::experiment::plan::{BiasCheck, ReferenceSource};
 use lumbre_light::film::ztest::Estimate;
@@ -83,10 +84,15 @@ impl NightRunner<'_, '_> {
                 });
                 self.emit_message(Level::Error, cell, text)?;
             }
+            let check = BiasCheckSummary {
+                technique: self.integrator(with).to_owned(),
+                agrees: found.agrees(),
+                finding: found.describe(),
+            };
             self.emit(&Event::BiasCheck {
                 reference: first,
-                with,
-                found,
+                check,
+                compared: Some((with, found)),
             })?;
             // Another bias check that needs one of them reads it from the history.
             self.estimates.remove(&first);
@@ -126,6 +132,14 @@ impl NightRunner<'_, '_> {
             mean: Arc::new(mean),
             variance: Arc::new(noise),
         })
+    }
+
+    /// Returns the integrator of a reference, or `file`.
+    fn integrator(&self, reference: usize) -> &str {
+        match &self.plan.references[reference].source {
+            ReferenceSource::Render { config, .. } => &config.integrator,
+            ReferenceSource::File { .. } => "file",
+        }
     }
 
     /// Returns the name of a reference's technique for messages.

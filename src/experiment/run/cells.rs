@@ -1,11 +1,8 @@
 //! Cells of a night: claimed, rendered in interleave groups, and recorded.
 
-use std::sync::Arc;
-
 use super::active_run::{ActiveRun, EndedRun, RunRequest};
 use super::state::NightRunner;
 use super::state::ReferenceState;
-use super::summary::CellResult;
 use super::turns::memory_shortage;
 use crate::experiment::event::Event;
 use crate::experiment::noise_floor::NoiseFloors;
@@ -156,99 +153,57 @@ impl<'a> NightRunner<'a, '_> {
                 outcome => ReferenceState::unavailable(outcome),
             };
         }
-        let EndedRun {
-            outcome,
-            rows,
-            floors,
-            layers,
-            open,
-            ..
-        } = ended;
-        let rows = Arc::new(rows);
-        if let Outcome::Cached(_) = outcome {
-            let (outcome, rows) = (outcome.clone(), Arc::clone(&rows));
-            let event = Event::CellFinished {
-                cell,
-                outcome,
-                film: None,
-                denoised: None,
-                layers,
-                times: None,
-                rows,
-            };
+        let settled = matches!(ended.outcome, Outcome::Cached(_));
+        self.count(cell, &ended.outcome);
+        let event = ended.event(cell);
+        if settled {
             // The other worker has recorded it already.
             let _ = self.emit(&event);
+        } else {
+            self.summary.night.apply(&event);
         }
-        self.add_result(CellResult {
-            cell,
-            outcome,
-            rows,
-            floors,
-            open,
-        });
         true
     }
 
-    /// Adds the result of a cell or reference to the summary.
-    fn add_result(&mut self, result: CellResult) {
-        self.finished.insert(result.cell);
-        self.failed += usize::from(matches!(result.outcome, Outcome::Failed(_)));
-        self.summary.results.push(result);
+    /// Counts a cell or reference that has ended.
+    fn count(&mut self, cell: CellRef, outcome: &Outcome) {
+        self.finished.insert(cell);
+        self.ended += 1;
+        self.failed += usize::from(matches!(outcome, Outcome::Failed(_)));
     }
 
     /// Emits how a cell or reference ended and adds it to the summary. If a sink cannot record it,
     /// it counts as failed. Returns the final outcome.
-    pub(super) fn finish(&mut self, cell: CellRef, ended: EndedRun) -> Outcome {
-        let EndedRun {
-            mut outcome,
-            film,
-            denoised,
-            layers,
-            times,
-            rows,
-            floors,
-            halves: _,
-            open,
-        } = ended;
-        if let Outcome::Done(_) = outcome
+    pub(super) fn finish(&mut self, cell: CellRef, mut ended: EndedRun) -> Outcome {
+        if let Outcome::Done(_) = ended.outcome
             && !self.history.holds_claim(self.plan, cell.into())
         {
             let text = "another process took over this run while this process was suspended; its \
                         results are identical";
             // The run is not lost, only not recorded here.
             let _ = self.emit_message(Level::Warn, cell, text.to_owned());
-            outcome = Outcome::Interrupted;
+            ended.outcome = Outcome::Interrupted;
         }
-        let rows = Arc::new(rows);
-        let event = Event::CellFinished {
-            cell,
-            outcome: outcome.clone(),
-            film,
-            denoised,
-            layers,
-            times,
-            rows: Arc::clone(&rows),
-        };
+        let mut outcome = ended.outcome.clone();
+        let event = ended.event(cell);
         if let Err(reason) = self.emit(&event) {
             let reason = format!("the result could not be recorded: {reason}");
             // The sink that failed may fail again; the others receive the message, and the summary
             // has the reason.
             let _ = self.emit_message(Level::Error, cell, reason.clone());
             outcome = Outcome::Failed(reason);
+            let failed = Event::ended(cell, outcome.clone(), Vec::new());
+            self.summary.night.apply(&failed);
         }
         if outcome == Outcome::Interrupted && self.control.stop_requested() {
             self.summary.interrupted = true;
         }
-        if let Outcome::Done(_) | Outcome::Cached(_) = outcome {
-            self.record_throughput(cell, &rows);
+        if let (Outcome::Done(_) | Outcome::Cached(_), Event::CellFinished { rows, .. }) =
+            (&outcome, &event)
+        {
+            self.record_throughput(cell, rows);
         }
-        self.add_result(CellResult {
-            cell,
-            outcome: outcome.clone(),
-            rows,
-            floors,
-            open,
-        });
+        self.count(cell, &outcome);
         outcome
     }
 }

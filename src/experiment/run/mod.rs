@@ -37,7 +37,7 @@ use std::time::Duration;
 
 pub use options::{Open, Options, Seams};
 use state::NightRunner;
-pub use summary::{CellResult, Disagreement, NightSummary, RunError};
+pub use summary::{Disagreement, NightSummary, RunError};
 
 use super::event::{History, NightControls, Sink};
 use super::plan::Plan;

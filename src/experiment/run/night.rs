@@ -24,7 +24,7 @@ impl NightRunner<'_, '_> {
     /// Runs the night to its end.
     pub(super) fn run(mut self) -> Result<NightSummary, RunError> {
         let started = Event::NightStarted {
-            plan: Arc::clone(self.plan),
+            night: Arc::new(self.summary.night.clone()),
         };
         self.emit(&started)
             .map_err(|reason| RunError::Start { reason })?;
@@ -42,17 +42,11 @@ impl NightRunner<'_, '_> {
             }
         }
         self.render_all(order);
-        self.summary
-            .results
-            .sort_by_key(|result| match result.cell {
-                CellRef::Reference(index) => (0, index),
-                CellRef::Cell(index) => (1, index),
-            });
         match self.emit(&Event::NightFinished) {
             Ok(()) => Ok(self.summary),
             Err(reason) => Err(RunError::Finish {
                 reason,
-                summary: self.summary,
+                summary: Box::new(self.summary),
             }),
         }
     }
@@ -112,7 +106,7 @@ impl NightRunner<'_, '_> {
         let mut backoff = Backoff::new(u64::from(std::process::id()));
         loop {
             let mut elsewhere: Vec<(Vec<CellRef>, String)> = Vec::new();
-            let before = self.summary.results.len();
+            let before = self.ended;
             self.references_elsewhere.clear();
             let (now, mut later) = backoff.next_batch(order);
             for group in now {
@@ -133,7 +127,7 @@ impl NightRunner<'_, '_> {
             if elsewhere.is_empty() && later.is_empty() {
                 return;
             }
-            let progressed = before < self.summary.results.len();
+            let progressed = before < self.ended;
             if progressed {
                 backoff.reset();
             }
@@ -198,8 +192,10 @@ impl NightRunner<'_, '_> {
             .is_some_and(|deadline| SystemTime::now() >= deadline)
     }
 
-    /// Sends an event to every sink, even after one has failed, and returns the first failure.
+    /// Applies an event to the night and sends it to every sink, even after one has failed. Returns
+    /// the first failure.
     pub(super) fn emit(&mut self, event: &Event) -> Result<(), String> {
+        self.summary.night.apply(event);
         let mut result = Ok(());
         for sink in self.sinks.iter_mut() {
             if let Err(error) = sink.receive(event) {

@@ -9,6 +9,7 @@ use super::scenes::SceneCache;
 use super::summary::NightSummary;
 use crate::experiment::event::{History, NightControls, Sink};
 use crate::experiment::forecast::ThroughputHistory;
+use crate::experiment::night::Night;
 use crate::experiment::noise_floor::NoiseFloors;
 use crate::experiment::outcome::{CellRef, Outcome};
 use crate::experiment::plan::{BiasCheck, Plan};
@@ -51,7 +52,9 @@ pub(super) struct NightRunner<'a, 's> {
     /// Notes of scene compilation that were reported already.
     pub(super) reported_notes: BTreeSet<Note>,
     pub(super) summary: NightSummary,
-    /// Number of failed runs in the summary.
+    /// Number of runs that have ended.
+    pub(super) ended: usize,
+    /// Number of those that failed.
     pub(super) failed: usize,
     /// Number of requests for a checkpoint so far.
     pub(super) checkpoint_requests: u64,
@@ -107,7 +110,8 @@ impl<'a, 's> NightRunner<'a, 's> {
             is_threshold_noted: false,
             scenes: SceneCache::new(plan),
             reported_notes: BTreeSet::new(),
-            summary: NightSummary::default(),
+            summary: NightSummary::of(Night::planned(plan)),
+            ended: 0,
             failed: 0,
             checkpoint_requests: 0,
             throughput,

@@ -1,38 +1,29 @@
 //! Results of a night.
 
-use std::sync::Arc;
-
-use crate::experiment::noise_floor::NoiseFloors;
-use crate::experiment::outcome::{CellRef, Outcome, WaveRow};
-use lumbre_render::OpenStats;
-
-/// Result of one cell or reference of the plan.
-#[derive(Clone, Debug)]
-pub struct CellResult {
-    /// The cell or reference.
-    pub cell: CellRef,
-    /// Outcome of the run.
-    pub outcome: Outcome,
-    /// Measurements, oldest first.
-    pub rows: Arc<Vec<WaveRow>>,
-    /// Noise floors of its reference, in the order of the plan's columns; empty if not known.
-    pub floors: NoiseFloors,
-    /// Cost of opening its renderer.
-    pub open: OpenStats,
-}
+use crate::experiment::night::Night;
+use crate::experiment::outcome::CellRef;
 
 /// Summary of a night.
 #[derive(Clone, Debug, Default)]
 pub struct NightSummary {
-    /// Results of references, then of cells, in the order of the plan. Those that were not reached
-    /// are omitted.
-    pub results: Vec<CellResult>,
+    /// The night as it ended. Runs that were not reached are pending.
+    pub night: Night,
     /// Whether the user or a signal ended the night early. Skipping a single cell does not count.
     pub interrupted: bool,
     /// References that disagree with a second technique, in the order of the plan.
     pub disagreements: Vec<Disagreement>,
     /// Cells that need another kind of worker, with the reason.
     pub other_workers: Vec<(CellRef, String)>,
+}
+
+impl NightSummary {
+    /// Returns the summary of a night that has just begun.
+    pub(super) fn of(night: Night) -> NightSummary {
+        NightSummary {
+            night,
+            ..NightSummary::default()
+        }
+    }
 }
 
 /// A reference that disagrees with a second technique.
@@ -61,6 +52,6 @@ pub enum RunError {
         /// Error of the sink.
         reason: String,
         /// Summary of the night.
-        summary: NightSummary,
+        summary: Box<NightSummary>,
     },
 }

@@ -204,6 +204,7 @@ impl<'a> NightRunner<'a, '_> {
                 open,
                 reference,
                 resumed,
+                settings: None,
             },
         })?;
         if let Some((level, text)) = resume_point.message {
@@ -358,7 +359,7 @@ impl<'a> NightRunner<'a, '_> {
             cell,
             row,
             measure_s,
-            image,
+            image: Some(image),
             noise,
             pow2,
         })?;

@@ -233,6 +233,7 @@ impl<'a> NightRunner<'a, '_> {
             open: open.clone(),
             reference: None,
             resumed,
+            settings: None,
         })?;
         let text = format!("joined from {shards} shards");
         self.emit_message(Level::Info, request.cell, text)?;

@@ -28,15 +28,15 @@ const FIRST_RATE: f64 = 1e6;
 const NOISE_SHARE: f64 = 0.05;
 
 /// A picture in progress.
-struct Run {
+struct PictureRun {
     /// Number of the request.
     number: u64,
     asked: Instant,
     request: Arc<Request>,
-    state: RunState,
+    state: PictureState,
 }
 
-enum RunState {
+enum PictureState {
     /// Nothing is allocated yet, or a wave was abandoned.
     Requested,
     Open(Box<OpenRun>),
@@ -60,7 +60,7 @@ struct OpenRun {
 pub(super) struct Worker {
     scenes: Scenes,
     shared: Arc<Shared>,
-    runs: [Option<Run>; SLOTS],
+    runs: [Option<PictureRun>; SLOTS],
     /// Number of camera paths per second of the last waves.
     rate: f64,
 }
@@ -118,11 +118,11 @@ impl Worker {
                 }
                 continue;
             }
-            self.runs[slot] = request.as_ref().map(|(number, asked, request)| Run {
+            self.runs[slot] = request.as_ref().map(|(number, asked, request)| PictureRun {
                 number: *number,
                 asked: *asked,
                 request: Arc::clone(request),
-                state: RunState::Requested,
+                state: PictureState::Requested,
             });
             let status = match &self.runs[slot] {
                 None => Status::Idle,
@@ -143,14 +143,14 @@ impl Worker {
         match self.runs[slot].as_ref() {
             None => false,
             // Even a paused picture shows its first sample.
-            Some(run) if matches!(run.state, RunState::Requested) => true,
+            Some(run) if matches!(run.state, PictureState::Requested) => true,
             Some(run) => run.is_open() && run.idle_status(wanted, slot).is_none(),
         }
     }
 
     fn render_s(&self, slot: usize) -> f64 {
         match self.runs[slot].as_ref().map(|run| &run.state) {
-            Some(RunState::Open(open)) => open.done.render_s,
+            Some(PictureState::Open(open)) => open.done.render_s,
             _ => 0.0,
         }
     }
@@ -161,7 +161,7 @@ impl Worker {
             return;
         };
         let result = match &mut run.state {
-            RunState::Requested => {
+            PictureState::Requested => {
                 let opened = self.scenes.open(&run.request);
                 opened.map(|opened| {
                     self.shared.publish(slot, |view| {
@@ -173,16 +173,16 @@ impl Worker {
                     self.show_coarse(slot, &opened);
                     let run = self.runs[slot].as_mut();
                     if let Some(run) = run {
-                        run.state = RunState::Open(Box::new(OpenRun::new(opened)));
+                        run.state = PictureState::Open(Box::new(OpenRun::new(opened)));
                     }
                 })
             }
-            RunState::Open(_) => self.wave(slot, limits),
-            RunState::Failed => Ok(()),
+            PictureState::Open(_) => self.wave(slot, limits),
+            PictureState::Failed => Ok(()),
         };
         if let Err(reason) = result {
             let number = self.runs[slot].as_mut().map_or(0, |run| {
-                run.state = RunState::Failed;
+                run.state = PictureState::Failed;
                 run.number
             });
             self.shared.publish(slot, |view| {
@@ -198,7 +198,7 @@ impl Worker {
         let Some(run) = self.runs[slot].as_mut() else {
             return Ok(());
         };
-        let RunState::Open(open) = &mut run.state else {
+        let PictureState::Open(open) = &mut run.state else {
             return Ok(());
         };
         let (shared, number) = (&self.shared, run.number);
@@ -212,7 +212,7 @@ impl Worker {
         match open.opened.renderer.render(&request) {
             Ok(stats) => open.done.add(&stats),
             Err(RenderError::Cancelled { .. }) => {
-                run.state = RunState::Requested;
+                run.state = PictureState::Requested;
                 return Ok(());
             }
             Err(e) => return Err(e.to_string()),
@@ -308,14 +308,14 @@ impl Shared {
     }
 }
 
-impl Run {
+impl PictureRun {
     fn is_open(&self) -> bool {
-        matches!(self.state, RunState::Open(_))
+        matches!(self.state, PictureState::Open(_))
     }
 
     /// Returns why no samples are added; `None` if some should be.
     fn idle_status(&self, wanted: &Wanted, slot: usize) -> Option<Status> {
-        let RunState::Open(open) = &self.state else {
+        let PictureState::Open(open) = &self.state else {
             return None;
         };
         if open.reaches(wanted.limits[slot]) {

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::series::BIASED;
 use super::study::Study;
-use crate::experiment::night_results::biased_reference;
+use crate::experiment::night::reference::biased_reference;
 use lumbre_render::denoise;
 
 impl Study<'_> {

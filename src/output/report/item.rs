@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::study::Member;
-use crate::experiment::night_results::NightResults;
+use crate::experiment::night::Night;
 use crate::output::plot;
 use crate::output::provenance::Provenance;
 use crate::output::table::Table;
@@ -153,8 +153,8 @@ impl Provenance {
         provenance
     }
 
-    fn add_plan(&mut self, night: &NightResults) {
-        let plan = (night.name.clone(), night.plan.clone());
+    fn add_plan(&mut self, night: &Night) {
+        let plan = (night.plan.name.clone(), night.plan.hash.clone());
         if !self.plans.contains(&plan) {
             self.plans.push(plan);
         }

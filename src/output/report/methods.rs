@@ -3,7 +3,8 @@
 use super::cite;
 use super::item::ReportItem;
 use super::study::{Member, Study};
-use crate::experiment::night_results::{NightResults, ReferenceOrigin, RunState};
+use crate::experiment::night::Night;
+use crate::experiment::night::reference::ReferenceOrigin;
 use crate::output::provenance::Provenance;
 use crate::text::program;
 use lumbre_light::transport::integrator::{IntegratorRow, integrators};
@@ -45,7 +46,7 @@ fn sentences(study: &Study) -> Vec<String> {
         out.push(format!(
             "All seeds derive from experiment seed {}: configurations of the same repeat share a \
              seed, and references use a separate seed.",
-            night.seed
+            night.plan.seed
         ));
     }
     out.extend(scenes_and_sizes(study));
@@ -73,7 +74,7 @@ fn sentences(study: &Study) -> Vec<String> {
 fn references(study: &Study) -> Vec<String> {
     let nights = study.nights.iter();
     let used: Vec<_> = nights
-        .flat_map(NightResults::references_of_runs)
+        .flat_map(Night::references_of_runs)
         .filter(|reference| reference.picture.is_some())
         .collect();
     let origins = merged_references(used.iter().map(|reference| &reference.origin));
@@ -96,7 +97,7 @@ fn references(study: &Study) -> Vec<String> {
 
 /// Describes the experiment of a night, its program and its devices. `name` is given if there are
 /// several nights.
-fn experiment(night: &NightResults, name: Option<&str>) -> String {
+fn experiment(night: &Night, name: Option<&str>) -> String {
     let devices = night.devices();
     let on = if devices.is_empty() {
         String::new()
@@ -113,8 +114,8 @@ fn experiment(night: &NightResults, name: Option<&str>) -> String {
     };
     format!(
         "Experiment {} ({name}plan {}) was rendered with {program}{on}{machine}.",
-        night.name,
-        night.plan.get(..8).unwrap_or(&night.plan)
+        night.plan.name,
+        night.plan.hash.get(..8).unwrap_or(&night.plan.hash)
     )
 }
 
@@ -144,10 +145,7 @@ fn scenes_and_sizes(study: &Study) -> Vec<String> {
     let size = |[width, height]: [u32; 2]| format!("{width} × {height}");
     let sizes = study.all().filter_map(|m| m.run.resolution.map(size));
     let sizes = distinct(sizes.collect());
-    let reason = |member: Member| match &member.run.state {
-        RunState::Done(reason) => reason.clone(),
-        _ => String::new(),
-    };
+    let reason = |member: Member| member.run.end_clause().to_owned();
     let ends = distinct(study.all().map(reason).collect());
     let mut out = Vec::new();
     if !scenes.is_empty() {

@@ -3,7 +3,8 @@
 
 use super::series::Series;
 use super::study::Study;
-use crate::experiment::night_results::{NightResults, RunResult};
+use crate::experiment::night::Night;
+use crate::experiment::night::run::Run;
 use crate::output::exposure;
 use crate::output::plot::figure::SeriesEntry;
 use crate::output::plot::style::{Colour, style};
@@ -12,16 +13,16 @@ use lumbre_metrics::tonemap::Tonemap;
 
 impl Study<'_> {
     /// Returns the colour that the script gives to a run's series by one of its compared values.
-    pub(super) fn series_colour(&self, night: &NightResults, run: &RunResult) -> Option<Colour> {
+    pub(super) fn series_colour(&self, night: &Night, run: &Run) -> Option<Colour> {
         let compared = self.by.iter().filter_map(|axis| run.axis_value(axis));
         let mut values = compared.chain([run.integrator.clone()]);
-        values.find_map(|value| night.report.colour(&value).and_then(Colour::parse))
+        values.find_map(|value| night.plan.report.colour(&value).and_then(Colour::parse))
     }
 
     /// Returns the name that the script gives to an axis value, or the value.
     pub fn name(&self, value: &str) -> String {
         let night = self.nights.first();
-        night.map_or_else(|| value.to_owned(), |night| night.report.name(value))
+        night.map_or_else(|| value.to_owned(), |night| night.plan.report.name(value))
     }
 
     /// Returns the names of the values of a facet.
@@ -32,7 +33,9 @@ impl Study<'_> {
 
     /// Returns the tone map of pictures in figures, if the script sets one.
     pub fn display(&self) -> Option<Tonemap> {
-        self.nights.first().and_then(|night| night.report.display)
+        self.nights
+            .first()
+            .and_then(|night| night.plan.report.display)
     }
 
     /// Returns the tone map at which a figure shows a picture and those beside it.

@@ -5,7 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::ReportError;
 use super::series::Series;
 use crate::experiment::WaveRow;
-use crate::experiment::night_results::{NightResults, RunResult};
+use crate::experiment::night::Night;
+use crate::experiment::night::run::Run;
 use crate::experiment::spec::TableValue;
 use crate::output::dependent_axes;
 use crate::output::format;
@@ -44,9 +45,9 @@ pub struct ReportOptions {
 #[derive(Clone, Copy, Debug)]
 pub struct Member<'a> {
     /// Night of the run.
-    pub night: &'a NightResults,
+    pub night: &'a Night,
     /// Run of the study.
-    pub run: &'a RunResult,
+    pub run: &'a Run,
     /// Index of each of [`Study::metrics`] in the night's rows.
     metric_indices: &'a [usize],
 }
@@ -63,7 +64,7 @@ impl Member<'_> {
 #[derive(Debug)]
 pub struct Study<'a> {
     /// Nights of the study.
-    pub nights: &'a [NightResults],
+    pub nights: &'a [Night],
     /// Metrics that all nights define identically.
     pub metrics: Vec<MetricSpec>,
     /// Axes whose values are compared.
@@ -92,10 +93,7 @@ impl<'a> Study<'a> {
     /// # Errors
     /// Returns an error if there are no nights, an option names an unknown axis, or there are
     /// several nights and the device of one is unknown.
-    pub fn new(
-        nights: &'a [NightResults],
-        options: &ReportOptions,
-    ) -> Result<Study<'a>, ReportError> {
+    pub fn new(nights: &'a [Night], options: &ReportOptions) -> Result<Study<'a>, ReportError> {
         let first = nights.first().ok_or(ReportError::Nothing)?;
         let (by, facet_axes) = chosen_axes(nights, options)?;
         let mut study = Study::ungrouped(nights, by, facet_axes);
@@ -116,7 +114,7 @@ impl<'a> Study<'a> {
     }
 
     /// Groups the runs of one night by some axes, and not by device.
-    pub fn of_night(night: &'a NightResults, by: &[String], facet_axes: &[String]) -> Study<'a> {
+    pub fn of_night(night: &'a Night, by: &[String], facet_axes: &[String]) -> Study<'a> {
         let nights = std::slice::from_ref(night);
         let mut study = Study::ungrouped(nights, by.to_vec(), facet_axes.to_vec());
         study.keep_common_metrics(night);
@@ -138,11 +136,7 @@ impl<'a> Study<'a> {
     }
 
     /// Creates a study without groups and metrics.
-    fn ungrouped(
-        nights: &'a [NightResults],
-        by: Vec<String>,
-        facet_axes: Vec<String>,
-    ) -> Study<'a> {
+    fn ungrouped(nights: &'a [Night], by: Vec<String>, facet_axes: Vec<String>) -> Study<'a> {
         Study {
             nights,
             by,
@@ -178,12 +172,12 @@ impl<'a> Study<'a> {
     }
 
     /// Keeps the metrics that every night defines as the first one does.
-    fn keep_common_metrics(&mut self, first: &NightResults) {
-        for metric in &first.metrics {
-            let is_same = |night: &NightResults| {
+    fn keep_common_metrics(&mut self, first: &Night) {
+        for metric in &first.plan.metrics {
+            let is_same = |night: &Night| {
                 night
                     .metric_index(&metric.column)
-                    .is_some_and(|index| night.metrics[index].identity() == metric.identity())
+                    .is_some_and(|index| night.plan.metrics[index].identity() == metric.identity())
             };
             if self.nights.iter().all(is_same) {
                 self.metrics.push(metric.clone());
@@ -194,7 +188,7 @@ impl<'a> Study<'a> {
                 ));
             }
         }
-        let indices = |night: &NightResults| {
+        let indices = |night: &Night| {
             self.metrics
                 .iter()
                 .filter_map(|m| night.metric_index(&m.column))
@@ -265,13 +259,13 @@ impl<'a> Study<'a> {
     /// label is an integrator. `mixed` is whether the night has several integrators.
     fn series_label(
         &self,
-        night: &NightResults,
-        run: &RunResult,
+        night: &Night,
+        run: &Run,
         integrator_axes: &[bool],
         mixed: bool,
     ) -> ([String; 2], Option<&'static str>) {
         let part = |(axis, is_integrator): (&String, &bool)| {
-            let value = night.report.name(&run.axis_value(axis)?);
+            let value = night.plan.report.name(&run.axis_value(axis)?);
             let named = if *is_integrator {
                 value.clone()
             } else {
@@ -288,7 +282,7 @@ impl<'a> Study<'a> {
         };
         let labels = match parts.as_slice() {
             [] if mixed => ["all techniques"; 2].map(str::to_owned),
-            [] => [(); 2].map(|()| night.report.name(&run.integrator)),
+            [] => [(); 2].map(|()| night.plan.report.name(&run.integrator)),
             parts => [parts.join(", "), values.join(", ")],
         };
         (labels, long)
@@ -457,7 +451,7 @@ pub(super) fn distinct(values: impl Iterator<Item = String>) -> Vec<String> {
 }
 
 /// Returns whether an axis selects the integrator of all runs.
-pub(super) fn is_integrator_axis(nights: &[NightResults], axis: &str) -> bool {
+pub(super) fn is_integrator_axis(nights: &[Night], axis: &str) -> bool {
     let mut runs = nights.iter().flat_map(|n| &n.runs);
     runs.all(|run| {
         let value = run.axis_value(axis);
@@ -466,9 +460,9 @@ pub(super) fn is_integrator_axis(nights: &[NightResults], axis: &str) -> bool {
 }
 
 /// Returns the distinct axes of all nights, in order.
-fn all_axes(nights: &[NightResults]) -> Vec<String> {
+fn all_axes(nights: &[Night]) -> Vec<String> {
     let mut axes: Vec<String> = Vec::new();
-    for axis in nights.iter().flat_map(|night| &night.axes) {
+    for axis in nights.iter().flat_map(|night| &night.plan.axes) {
         if !axes.contains(axis) {
             axes.push(axis.clone());
         }
@@ -478,7 +472,7 @@ fn all_axes(nights: &[NightResults]) -> Vec<String> {
 
 /// Returns the axes that are compared and the facet axes: those of the options or the defaults.
 fn chosen_axes(
-    nights: &[NightResults],
+    nights: &[Night],
     options: &ReportOptions,
 ) -> Result<(Vec<String>, Vec<String>), ReportError> {
     let axes = all_axes(nights);
@@ -527,14 +521,11 @@ fn chosen_axes(
 /// # Errors
 /// Returns an error if there are several nights and the device of one is unknown, since their times
 /// are drawn on one axis.
-fn all_devices(
-    nights: &[NightResults],
-    options: &ReportOptions,
-) -> Result<Vec<String>, ReportError> {
+fn all_devices(nights: &[Night], options: &ReportOptions) -> Result<Vec<String>, ReportError> {
     let mut devices: Vec<String> = Vec::new();
     for (n, night) in nights.iter().enumerate() {
         let own = night.devices();
-        let finished = night.runs.iter().any(RunResult::is_done);
+        let finished = night.runs.iter().any(|run| run.is_done());
         let named = night.machine.is_some() || options.names.get(n).is_some();
         if nights.len() > 1 && finished && (own.is_empty() || !named) {
             return Err(ReportError::NoDevice {
@@ -552,12 +543,12 @@ fn all_devices(
 
 /// Returns distinct names of the nights: the given name, or the device if it is different for each
 /// night, or the name of the folder.
-fn names(nights: &[NightResults], devices: &[String], options: &ReportOptions) -> Vec<String> {
-    let by_device = |night: &NightResults| match night.devices().as_slice() {
+fn names(nights: &[Night], devices: &[String], options: &ReportOptions) -> Vec<String> {
+    let by_device = |night: &Night| match night.devices().as_slice() {
         [one] if devices.len() == nights.len() => Some(one.clone()),
         _ => None,
     };
-    let folder = |night: &NightResults| {
+    let folder = |night: &Night| {
         night
             .folder
             .file_name()

@@ -8,7 +8,7 @@ use super::convergence::{mean_and_band, mean_name, provenance, separate_devices}
 use super::item::ReportItem;
 use super::pgfplots::PgfFigure;
 use super::study::{Member, ReportOptions, Study};
-use crate::experiment::night_results::RunResult;
+use crate::experiment::night::run::Run;
 use crate::experiment::spec::{RunColumn, TableValue};
 use crate::output::dependent_axes;
 use crate::output::format;
@@ -79,7 +79,7 @@ impl<'a> SweepAxis<'a> {
     }
 
     /// Returns the index of a run's value; `None` if it is not on the axis.
-    pub(super) fn index(&self, run: &RunResult) -> Option<usize> {
+    pub(super) fn index(&self, run: &Run) -> Option<usize> {
         self.indices.get(&run.axis_value(self.name)?).copied()
     }
 

@@ -10,10 +10,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::*;
-use crate::experiment::WaveRow;
-use crate::experiment::night_results::{
-    BiasCheckSummary, Machine, NightResults, ReferenceOrigin, ReferenceResult, RunResult, RunState,
+use crate::experiment::night::reference::{
+    BiasCheckSummary, Reference, ReferenceOrigin, ReferencePlan,
 };
+use crate::experiment::night::run::{Run, RunPlan, RunState};
+use crate::experiment::night::{Machine, Night, NightPlan};
+use crate::experiment::{EndCause, Outcome, WaveRow};
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
 use lumbre_render::OpenStats;
@@ -22,26 +24,42 @@ use lumbre_render::OpenStats;
 /// with the square root of the samples. `nee` has half the error of `bpt` at equal samples and
 /// takes twice
 /// as long.
-fn night(device: &str, speed: f64) -> NightResults {
+fn night(device: &str, speed: f64) -> Night {
     let mut runs = Vec::new();
     for (s, scene) in ["box", "lamps"].iter().enumerate() {
         for (t, technique) in ["bpt", "nee"].iter().enumerate() {
-            for repeat in 0..3u64 {
+            for repeat in 0..3 {
                 let id = format!("{:032x}", runs.len() + 1 + device.len() * 256);
-                runs.push(run(id, (scene, s), (technique, t), repeat, (device, speed)));
+                let run = run(id, (scene, s), (technique, t), repeat, (device, speed));
+                runs.push(Arc::new(run));
             }
         }
     }
     let metric = |name: &str| MetricSpec::new(name, name, BTreeMap::new()).unwrap();
-    NightResults {
-        folder: PathBuf::from(format!("/out/{}", device.replace(' ', "_"))),
+    let plan = NightPlan {
         name: "overnight".to_owned(),
-        plan: "3f9a5b00".to_owned(),
+        hash: "3f9a5b00".to_owned(),
         seed: 11,
         axes: vec!["scene".to_owned(), "technique".to_owned()],
         metrics: vec![metric("rmse"), metric("ssim")],
-        report: Default::default(),
         order: "interleave".to_owned(),
+        ..NightPlan::default()
+    };
+    let reference = Reference {
+        planned: Arc::new(ReferencePlan {
+            id: "f".repeat(32),
+            ..ReferencePlan::default()
+        }),
+        picture: Some(PathBuf::from("ref.exr")),
+        origin: ReferenceOrigin::Rendered {
+            integrator: "bdpt".to_owned(),
+            samples: 4096,
+        },
+        ..Reference::default()
+    };
+    Night {
+        plan: Arc::new(plan),
+        folder: PathBuf::from(format!("/out/{}", device.replace(' ', "_"))),
         machine: Some(Machine {
             host: "host".to_owned(),
             os: "linux x86_64".to_owned(),
@@ -52,16 +70,8 @@ fn night(device: &str, speed: f64) -> NightResults {
             arguments: vec!["run".to_owned(), "overnight.lua".to_owned()],
         }),
         runs,
-        references: vec![ReferenceResult {
-            id: "f".repeat(32),
-            picture: Some(PathBuf::from("ref.exr")),
-            origin: ReferenceOrigin::Rendered {
-                integrator: "bdpt".to_owned(),
-                samples: 4096,
-            },
-            checks: Vec::new(),
-        }],
-        notes: Vec::new(),
+        references: vec![Arc::new(reference)],
+        ..Night::default()
     }
 }
 
@@ -69,10 +79,10 @@ fn run(
     id: String,
     (scene, s): (&str, usize),
     (technique, t): (&str, usize),
-    repeat: u64,
+    repeat: u32,
     (device, speed): (&str, f64),
-) -> RunResult {
-    let wobble = 1.0 + 0.02 * repeat as f64;
+) -> Run {
+    let wobble = 1.0 + 0.02 * f64::from(repeat);
     let rows = (0..8u32).map(|k| {
         let samples = 1u64 << k;
         let error =
@@ -88,25 +98,32 @@ fn run(
             ..WaveRow::default()
         }
     });
-    RunResult {
+    let folder = PathBuf::from(format!("/out/night/runs/{id}"));
+    let plan = RunPlan {
+        id,
         path: format!("scene={scene}/technique={technique}/rep={repeat}"),
-        folder: PathBuf::from(format!("/out/night/runs/{id}")),
         point: vec![
             ("scene".to_owned(), Value::from(scene)),
             ("technique".to_owned(), Value::from(technique)),
         ],
         repeat,
-        seed: 100 + repeat,
+        seed: 100 + u64::from(repeat),
         integrator: technique.to_owned(),
         scene: format!("{scene}.scn"),
         max_depth: Some(5),
         resolution: Some([40, 30]),
+        reference: Some(0),
+        ..RunPlan::default()
+    };
+    let end = EndCause::other("128 samples per pixel");
+    Run {
+        planned: Arc::new(plan),
+        folder,
         device: Some(device.to_owned()),
         lanes: Some(16),
         lost_share: Some(0.0),
-        state: RunState::Done("128 samples per pixel".to_owned()),
+        state: RunState::Ended(Outcome::Done(end)),
         rows: Arc::new(rows.collect()),
-        reference: Some(0),
         pictures: [16, 64, 128]
             .map(|n| (n, PathBuf::from(format!("{technique}-{n}.exr"))))
             .to_vec(),
@@ -118,10 +135,17 @@ fn run(
             ..OpenStats::default()
         }),
         floors: vec![("rmse".to_owned(), 0.004)],
-        id,
-        ..RunResult::default()
+        ..Run::default()
     }
 }
+
+/// Returns what was planned of a run, for changes.
+fn planned(run: &mut Arc<Run>) -> &mut RunPlan {
+    Arc::make_mut(&mut Arc::make_mut(run).planned)
+}
+
+/// The state of a run that was interrupted.
+const UNFINISHED: RunState = RunState::Ended(Outcome::Interrupted);
 
 /// Returns made-up pictures: the reference is a gradient, the others have an error that falls with
 /// the samples.
@@ -148,7 +172,7 @@ fn picture(path: &Path) -> Result<Image, String> {
     }))
 }
 
-fn report(nights: &[NightResults], options: &ReportOptions) -> Report {
+fn report(nights: &[Night], options: &ReportOptions) -> Report {
     let study = Study::new(nights, options).unwrap();
     let link = |path: &Path| path.display().to_string();
     let command = |path: &Path| format!("lumbre reproduce {}/final.exr", path.display());
@@ -370,7 +394,9 @@ fn devices_of_one_night_have_separate_time_figures() {
 #[test]
 fn times_of_an_unknown_device_cannot_be_compared() {
     let mut nameless = night("RX 7600", 0.44);
-    nameless.runs.iter_mut().for_each(|run| run.device = None);
+    for run in nameless.runs.iter_mut().map(Arc::make_mut) {
+        run.device = None;
+    }
     let nights = [night("RTX 4070", 1.0), nameless.clone()];
     let error = Study::new(&nights, &ReportOptions::default()).unwrap_err();
     assert!(
@@ -386,7 +412,7 @@ fn times_of_an_unknown_device_cannot_be_compared() {
 #[test]
 fn metrics_that_nights_define_differently_are_left_out() {
     let mut other = night("RX 7600", 1.0);
-    other.metrics[1] = MetricSpec::new(
+    Arc::make_mut(&mut other.plan).metrics[1] = MetricSpec::new(
         "ssim",
         "ssim",
         BTreeMap::from([("range".to_owned(), Value::Int(2))]),
@@ -438,12 +464,12 @@ fn unknown_axes_and_columns_in_options_are_errors() {
 #[test]
 fn a_running_night_has_a_report_of_its_measurements() {
     let mut running = night("Sample GPU", 1.0);
-    for run in running.runs.iter_mut().skip(7) {
+    for run in running.runs.iter_mut().skip(7).map(Arc::make_mut) {
         run.state = RunState::Pending;
         (run.rows, run.device) = (Arc::default(), None);
     }
-    running.runs[6].state = RunState::Unfinished;
-    (running.runs[6].device, running.runs[6].pictures) = (None, Vec::new());
+    let last = Arc::make_mut(&mut running.runs[6]);
+    (last.state, last.device, last.pictures) = (UNFINISHED, None, Vec::new());
     let made = report(&[running], &ReportOptions::default());
     let fps = text(&made, "tables/fps-absolute", "md");
     assert!(fps.contains("| lamps |") && fps.contains("–"), "{fps}");
@@ -464,10 +490,11 @@ fn a_running_night_has_a_report_of_its_measurements() {
 #[test]
 fn a_night_without_references_has_rates_and_a_page() {
     let mut bare = night("Sample GPU", 1.0);
-    (bare.metrics, bare.references) = (Vec::new(), Vec::new());
+    Arc::make_mut(&mut bare.plan).metrics.clear();
+    bare.references.clear();
     for run in &mut bare.runs {
-        run.reference = None;
-        Arc::make_mut(&mut run.rows)
+        planned(run).reference = None;
+        Arc::make_mut(&mut Arc::make_mut(run).rows)
             .iter_mut()
             .for_each(|row| row.metrics.clear());
     }
@@ -518,7 +545,7 @@ fn data_is_tidy_and_the_page_is_self_contained() {
 #[test]
 fn names_are_escaped_in_page_tables_and_figures() {
     let mut hostile = night("</script><b>GPU & co", 1.0);
-    for run in &mut hostile.runs {
+    for run in hostile.runs.iter_mut().map(planned) {
         run.point[0].1 = Value::Str(format!("<img src=x> {{}} \\input_{}", run.scene));
     }
     let made = report(&[hostile], &ReportOptions::default());
@@ -535,13 +562,13 @@ fn names_are_escaped_in_page_tables_and_figures() {
 #[test]
 fn each_series_is_compared_with_its_own_reference() {
     let mut own = night("Sample GPU", 1.0);
-    own.references.push(ReferenceResult {
+    own.references.push(Arc::new(Reference {
         picture: Some(PathBuf::from("second.exr")),
-        ..own.references[0].clone()
-    });
+        ..Reference::clone(&own.references[0])
+    }));
     for run in own.runs.iter_mut().filter(|run| run.integrator == "nee") {
-        run.reference = Some(1);
-        run.floors = vec![("rmse".to_owned(), 0.01)];
+        planned(run).reference = Some(1);
+        Arc::make_mut(run).floors = vec![("rmse".to_owned(), 0.01)];
     }
     // The reference of nee and its picture are brighter by the same factor, so its error is small.
     let brighter = |path: &Path| {

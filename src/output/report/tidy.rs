@@ -7,7 +7,6 @@ use crate::columns::{
     Column, DATA_ACCEL, DATA_AFTER, DATA_BEFORE, DATA_COLUMNS, DATA_COUNTS, DATA_STATE, DATA_WAVE,
     names,
 };
-use crate::experiment::night_results::RunState;
 use crate::output::format::exact;
 use crate::output::provenance::Provenance;
 use crate::text::csv_line;
@@ -58,8 +57,8 @@ fn header(axes: &[String], rest: &[String]) -> String {
 fn keys(m: &Member, axes: &[String]) -> Vec<String> {
     let mut fields = vec![
         program().to_owned(),
-        m.night.name.clone(),
-        m.night.plan.clone(),
+        m.night.plan.name.clone(),
+        m.night.plan.hash.clone(),
         m.run.id.clone(),
     ];
     fields.extend(
@@ -99,13 +98,7 @@ fn runs(study: &Study, axes: &[String]) -> String {
     let mut text = header(axes, &rest);
     for m in study.all() {
         let mut fields = keys(&m, axes);
-        let (state, reason) = match &m.run.state {
-            RunState::Done(reason) => ("done", reason.clone()),
-            RunState::Unfinished => ("unfinished", String::new()),
-            RunState::Pending => ("pending", String::new()),
-            RunState::Damaged => ("damaged", String::new()),
-        };
-        fields.extend([state.to_owned(), reason]);
+        fields.extend([m.run.state.name(), m.run.end_clause()].map(str::to_owned));
         match m.run.rows.last() {
             Some(row) => fields.extend(values(&m, row, study.metrics.len())),
             None => fields.resize(

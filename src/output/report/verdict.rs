@@ -269,7 +269,7 @@ fn clocks(study: &Study) -> Vec<String> {
         let finished = facets.flat_map(move |facet| study.finished(facet, index));
         finished.map(move |member| (series.label.as_str(), member.run.lost_share))
     });
-    let orders = study.nights.iter().map(|night| night.order.as_str());
+    let orders = study.nights.iter().map(|night| night.plan.order.as_str());
     let order = orders.min_by_key(|order| *order == Order::Interleave.name());
     clock::caveats(runs, order.unwrap_or_default())
 }

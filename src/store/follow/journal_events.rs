@@ -1,77 +1,87 @@
 //! Translation of journal lines into events of a follower.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
-use super::Follower;
-use super::event::{FollowEvent, TimedEvent};
 use super::run::FollowedRun;
-use crate::experiment::{CellRef, Outcome, WaveRow};
+use super::{Follower, Update};
+use crate::experiment::night::reference::BiasCheckSummary;
+use crate::experiment::{CellRef, Event, Outcome, WaveRow};
 use crate::store::parse_utc;
 use crate::store::read::merged_journal::WorkerLine;
 use crate::store::schema::journal::{
     JournalEvent, OutcomeKind, RunEnd, ShardEnd, ShardRecord, WaveRecord,
 };
-use crate::store::schema::run::BiasCheckFile;
 
 impl Follower {
-    /// Updates the state by a line of the journal, and reports its events. `live` is whether the
-    /// line starts a run that is worth showing.
+    /// Follows a line of the journal, and reports its events. `live` is whether the line starts a
+    /// run that is worth showing.
     pub(super) fn apply_line(
         &mut self,
         line: &WorkerLine,
         live: bool,
         first_poll: bool,
-        events: &mut Vec<TimedEvent>,
+        changes: &mut Update,
     ) {
         let at_s = date_s(line);
         let cells = self.cells_of(line);
         if self.is_outdated(line, &cells) {
             return;
         }
-        let mut report = |event| events.push(TimedEvent { at_s, event });
         match &line.event {
             JournalEvent::NightStarted(_) => {
-                self.night_active = true;
                 self.active.clear();
-                report(FollowEvent::NightStarted);
+                self.begin_night(at_s, changes);
             }
             JournalEvent::WorkerStarted(_) if !self.night_active => {
-                self.night_active = true;
-                report(FollowEvent::NightStarted);
+                self.begin_night(at_s, changes);
             }
             JournalEvent::NightFinished {} | JournalEvent::NightClosed {} => {
                 self.night_active = false;
-                report(FollowEvent::NightFinished);
+                self.report(at_s, Event::NightFinished, changes);
             }
-            JournalEvent::Forecast(left) => report(FollowEvent::Forecast(*left)),
+            JournalEvent::Forecast(left) => self.report(at_s, Event::Forecast(*left), changes),
             JournalEvent::BiasCheck(check) => {
-                bias_checks(check, &cells).into_iter().for_each(report);
+                for reference in references(&cells) {
+                    let check = BiasCheckSummary::from(check.clone());
+                    let event = Event::BiasCheck {
+                        reference,
+                        check,
+                        compared: None,
+                    };
+                    self.report(at_s, event, changes);
+                }
             }
-            JournalEvent::CellStarted(_) => self.cell_started(line, &cells, live, events),
+            JournalEvent::CellStarted(_) => self.cell_started(line, &cells, live, changes),
             JournalEvent::ShardStarted(start) => {
                 let key = shard_key(&start.run, &start.shard);
                 self.active.insert(key, line.clone());
-                let changes = shard_changes(&start.shard, &cells, false);
-                changes
-                    .into_iter()
-                    .chain(run_active(&cells))
-                    .for_each(report);
+                for reference in references(&cells) {
+                    let shard = start.shard.shard(reference);
+                    self.report(at_s, Event::ShardActive { shard }, changes);
+                }
             }
-            JournalEvent::ShardFinished(end) => {
-                self.shard_finished(end, &cells)
-                    .into_iter()
-                    .for_each(report);
-            }
+            JournalEvent::ShardFinished(end) => self.shard_finished(end, at_s, &cells, changes),
             JournalEvent::CellFinished(end) => {
-                self.cell_finished(end, at_s, &cells, first_poll, events);
+                self.cell_finished(end, at_s, &cells, first_poll, changes);
             }
-            JournalEvent::Message(message) => report(FollowEvent::Message {
-                level: message.level,
-                cell: cells.first().copied(),
-                text: message.text.clone(),
-            }),
+            JournalEvent::Message(message) => {
+                let event = Event::Message {
+                    level: message.level,
+                    cell: cells.first().copied(),
+                    text: message.text.clone(),
+                };
+                self.report(at_s, event, changes);
+            }
             JournalEvent::WorkerStarted(_) | JournalEvent::WorkerFinished {} => {}
         }
+    }
+
+    /// Begins a night in this folder, in which earlier results are found done.
+    fn begin_night(&mut self, at_s: f64, changes: &mut Update) {
+        self.night_active = true;
+        let night = Arc::new(self.night.again());
+        self.report(at_s, Event::NightStarted { night }, changes);
     }
 
     /// Cells and references with the run that a line is about.
@@ -87,7 +97,7 @@ impl Follower {
         line: &WorkerLine,
         cells: &[CellRef],
         live: bool,
-        events: &mut Vec<TimedEvent>,
+        changes: &mut Update,
     ) {
         let id = line.event.run().unwrap_or_default();
         self.active.insert(id.to_owned(), line.clone());
@@ -95,13 +105,14 @@ impl Follower {
         let other = |run: &FollowedRun| run.running && run.worker != *worker;
         let busy = self.journals.has_workers() && self.runs.iter().any(other);
         if live && !busy {
-            self.show(line, events);
+            self.show(line, changes);
             if self.journals.has_workers() {
-                self.show_worker(worker, events);
+                self.show_worker(worker, changes);
             }
-        } else if self.journals.has_workers() {
-            let at_s = date_s(line);
-            events.extend(run_active(cells).map(|event| TimedEvent { at_s, event }));
+        } else if self.journals.has_workers()
+            && let Some(cell) = cells.first().copied()
+        {
+            self.report(date_s(line), Event::RunActive { cell }, changes);
         }
     }
 
@@ -112,7 +123,7 @@ impl Follower {
         at_s: f64,
         cells: &[CellRef],
         first_poll: bool,
-        events: &mut Vec<TimedEvent>,
+        changes: &mut Update,
     ) {
         self.active.remove(&end.run);
         if end.outcome == OutcomeKind::Done {
@@ -122,34 +133,46 @@ impl Follower {
         }
         if let Some(run) = self.runs.iter_mut().find(|run| cells.contains(&run.cell)) {
             run.running = false;
-            self.poll_runs(events);
+            self.poll_runs(changes);
         }
         for cell in cells {
-            let outcome = end.outcome(self.night.run_folder(*cell));
+            let outcome = end.outcome(self.files.run_folder(*cell));
             // In the first poll, the folders decide which runs are done; the journal adds numbers.
             let is_done = matches!(outcome, Outcome::Done(_));
             let confirmed = !first_poll || is_done == self.is_finished(*cell);
             if confirmed {
-                let event = FollowEvent::CellFinished {
-                    cell: *cell,
-                    outcome,
-                    last: end.last.as_ref().map(|last| self.last_row(last)),
-                };
-                events.push(TimedEvent { at_s, event });
+                let last = end.last.as_ref().map(|last| self.last_row(last));
+                let event = Event::ended(*cell, outcome, last.into_iter().collect());
+                self.report(at_s, event, changes);
             }
         }
     }
 
-    /// Events of the end of a shard. Its reference stays active while other shards of it are.
-    fn shard_finished(&mut self, end: &ShardEnd, cells: &[CellRef]) -> Vec<FollowEvent> {
-        let mut events = shard_changes(&end.shard, cells, end.outcome == OutcomeKind::Done);
+    /// Reports the end of a shard. Its reference stays active while other shards of it are.
+    fn shard_finished(
+        &mut self,
+        end: &ShardEnd,
+        at_s: f64,
+        cells: &[CellRef],
+        changes: &mut Update,
+    ) {
         self.active.remove(&shard_key(&end.run, &end.shard));
         self.mark_stopped(&end.run);
         let prefix = shard_prefix(&end.run);
-        if self.active.keys().any(|key| key.starts_with(&prefix)) {
-            events.extend(run_active(cells));
+        let is_active = self.active.keys().any(|key| key.starts_with(&prefix));
+        for reference in references(cells) {
+            let event = Event::ShardFinished {
+                shard: end.shard.shard(reference),
+                outcome: end.outcome(),
+                last: end.last.as_ref().map(|last| self.last_row(last)),
+                sums: None,
+            };
+            self.report(at_s, event, changes);
+            if is_active {
+                let cell = CellRef::Reference(reference);
+                self.report(at_s, Event::RunActive { cell }, changes);
+            }
         }
-        events
     }
 
     /// Whether a line reports work on a run that is done. Lines of several workers are ordered to
@@ -162,12 +185,12 @@ impl Follower {
                 | JournalEvent::ShardFinished(_)
         );
         work && line.event.run().is_some_and(|id| self.done.contains(id))
-            && cells.iter().all(|cell| self.night.is_done(*cell))
+            && cells.iter().all(|cell| self.files.is_done(*cell))
     }
 
     /// Measurement with its metrics in the order of the outline.
     fn last_row(&self, last: &WaveRecord) -> WaveRow {
-        last.row(self.outline.metrics.iter().map(|m| m.column.as_str()))
+        last.row(self.night.plan.metrics.iter().map(|m| m.column.as_str()))
     }
 }
 
@@ -200,36 +223,13 @@ pub(super) fn live_lines(lines: &[WorkerLine]) -> BTreeSet<usize> {
     live
 }
 
-/// Event that the first of these cells renders on a worker that is not shown.
-fn run_active(cells: &[CellRef]) -> Option<FollowEvent> {
-    cells
-        .first()
-        .map(|cell| FollowEvent::RunActive { cell: *cell })
-}
-
-/// Events of a bias check of these references.
-fn bias_checks(check: &BiasCheckFile, cells: &[CellRef]) -> Vec<FollowEvent> {
-    let checked = |cell: &CellRef| match *cell {
-        CellRef::Reference(reference) => Some(FollowEvent::BiasCheck {
-            reference,
-            agrees: check.agrees,
-        }),
+/// Indices of the references among these.
+fn references(cells: &[CellRef]) -> Vec<usize> {
+    let reference = |cell: &CellRef| match *cell {
+        CellRef::Reference(reference) => Some(reference),
         CellRef::Cell(_) => None,
     };
-    cells.iter().filter_map(checked).collect()
-}
-
-/// Events of a line about a shard, which may have been finished.
-fn shard_changes(shard: &ShardRecord, cells: &[CellRef], finished: bool) -> Vec<FollowEvent> {
-    let change = |cell: &CellRef| match cell {
-        CellRef::Reference(reference) => Some(FollowEvent::ShardChanged {
-            reference: *reference,
-            finished: finished.then_some(shard.number),
-            total: shard.count,
-        }),
-        CellRef::Cell(_) => None,
-    };
-    cells.iter().filter_map(change).collect()
+    cells.iter().filter_map(reference).collect()
 }
 
 /// Beginning of the keys of a reference's shards among the active runs.

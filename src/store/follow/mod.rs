@@ -1,11 +1,11 @@
 //! Follows a night from outside, by its files alone: journals, measurements and images of running
-//! runs, and the heartbeats of workers. [`Follower::poll`] returns what changed as [`TimedEvent`]s.
+//! runs, and the heartbeats of workers. [`Follower::poll`] returns what changed, as the events that
+//! the process that renders emits; [`Follower::night`] is the night to which they lead.
 //!
 //! Nothing is locked and nothing is written. A folder can be followed while it grows, after the
 //! night's end, from another process, or on another machine that has a copy. Whether a run is done
 //! depends on its last file, as everywhere; the journal adds the time and the numbers.
 
-pub(crate) mod event;
 mod journal_events;
 mod run;
 #[cfg(test)]
@@ -13,7 +13,7 @@ mod tests;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
@@ -21,26 +21,65 @@ use super::StoreError;
 use super::read::archive::Decode;
 use super::read::merged_journal::{MergedJournal, WorkerLine};
 use super::read::night_reader::NightReader;
-use super::read::outline;
+use super::read::planned_night::planned_night;
 use super::read::run_index::RunIndex;
 use super::read::run_reader::{RunReader, describe};
 use super::schema::journal::{JournalEvent, OutcomeKind, in_order};
+use super::worker::registry::WorkerStatus;
 use super::worker::registry::list_workers;
-use crate::experiment::{CellRef, Outcome, PlanOutline, WaveRow};
-use event::{FollowEvent, TimedEvent};
+use crate::experiment::{CellRef, Event, Night, Outcome, WaveRow};
 use lumbre_light::film::Image;
+use lumbre_light::film::time::TimeAxis;
 use lumbre_render::OpenStats;
 use run::FollowedRun;
 
 /// Interval at which the workers' heartbeats are read.
 const WORKER_POLL: Duration = Duration::from_secs(2);
 
+/// An event with the time at which it happened.
+#[derive(Clone, Debug)]
+pub struct TimedEvent {
+    /// Time in seconds since 1970.
+    pub at_s: f64,
+    /// Event that happened.
+    pub event: Event,
+}
+
+/// Time-resolved film of a finished run, as a file.
+#[derive(Clone, Debug)]
+pub struct TimesFile {
+    /// Cell or reference of the run.
+    pub cell: CellRef,
+    /// NumPy array of mean radiance, \[row\]\[column\]\[bin\]\[rgb\].
+    pub file: PathBuf,
+    /// Time bins of the array.
+    pub axis: TimeAxis,
+}
+
+/// Changes since the last poll.
+#[derive(Debug, Default)]
+pub struct Update {
+    /// Events, oldest first.
+    pub events: Vec<TimedEvent>,
+    /// Time-resolved films that were stored.
+    pub times: Vec<TimesFile>,
+    /// State of all workers of the night, every two seconds.
+    pub workers: Option<Vec<WorkerStatus>>,
+}
+
+impl Update {
+    fn is_empty(&self) -> bool {
+        self.events.is_empty() && self.times.is_empty() && self.workers.is_none()
+    }
+}
+
 /// Follows the night of one folder.
 #[derive(Debug)]
 pub struct Follower {
-    night: NightReader,
+    files: NightReader,
     decode: Decode,
-    outline: Arc<PlanOutline>,
+    /// The night, to which the reported events have been applied.
+    night: Night,
     /// Cells and references by the ids of their runs.
     ids: BTreeMap<String, Vec<CellRef>>,
     journals: MergedJournal,
@@ -71,14 +110,15 @@ impl Follower {
     /// # Errors
     /// When the folder has no readable plan, or another version of the program wrote it.
     pub fn open(folder: &Path, decode: Decode) -> Result<Follower, StoreError> {
-        let night = NightReader::open(folder)?;
+        let files = NightReader::open(folder)?;
+        let night = planned_night(&files);
         Ok(Follower {
-            journals: MergedJournal::new(night.folder()),
-            outline: Arc::new(outline::outline(night.plan())),
-            ids: night.cells_by_run(),
-            finished: RunIndex::open(night.out()),
-            problems: BTreeSet::new(),
+            journals: MergedJournal::new(files.folder()),
             night,
+            ids: files.cells_by_run(),
+            finished: RunIndex::open(files.out()),
+            problems: BTreeSet::new(),
+            files,
             decode,
             active: BTreeMap::new(),
             done: BTreeSet::new(),
@@ -90,14 +130,14 @@ impl Follower {
         })
     }
 
-    /// Outline of the plan.
-    pub fn outline(&self) -> &Arc<PlanOutline> {
-        &self.outline
+    /// The night, after everything that was reported.
+    pub fn night(&self) -> &Night {
+        &self.night
     }
 
     /// Folder of the experiment.
     pub fn folder(&self) -> &Path {
-        self.night.folder()
+        self.files.folder()
     }
 
     /// Descriptions of the runs that are left out because their last file does not match its
@@ -109,10 +149,10 @@ impl Follower {
     /// Whether a run or reference is finished in its own folder, with a last file that matches its
     /// checksum.
     fn is_finished(&mut self, cell: CellRef) -> bool {
-        let folder = self.night.run_folder(cell);
+        let folder = self.files.run_folder(cell);
         let marker = NightReader::done_name(cell);
         match self.finished.finished(&folder, marker) {
-            Ok(None) => self.night.is_done(cell),
+            Ok(None) => self.files.is_done(cell),
             Ok(Some(_)) => true,
             Err(error) => {
                 self.problems.insert(error.to_string());
@@ -131,10 +171,9 @@ impl Follower {
         self.journals.last_modified().max(runs.max())
     }
 
-    /// Returns the events since the last poll, oldest first. The first poll returns everything that
-    /// exists.
-    pub fn poll(&mut self) -> Vec<TimedEvent> {
-        let mut events = Vec::new();
+    /// Returns the changes since the last poll. The first poll returns everything that exists.
+    pub fn poll(&mut self) -> Option<Update> {
+        let mut changes = Update::default();
         let update = self.journals.poll();
         let first_poll = std::mem::take(&mut self.first_poll) || update.restarted;
         let lines = update.lines;
@@ -142,24 +181,30 @@ impl Follower {
         // of a whole night would be read and thrown away.
         let live = journal_events::live_lines(&lines);
         if first_poll {
-            self.report_finished_runs(&lines, &mut events);
+            self.report_finished_runs(&lines, &mut changes);
         }
         for (i, line) in lines.iter().enumerate() {
-            self.apply_line(line, live.contains(&i), first_poll, &mut events);
+            self.apply_line(line, live.contains(&i), first_poll, &mut changes);
         }
-        self.poll_workers(&mut events);
+        self.poll_workers(&mut changes);
         if self.journals.has_workers() && self.runs.iter().all(|run| !run.running) {
             let first = self.active.values().next().map(|line| line.worker.clone());
             if let Some(worker) = first {
-                self.show_worker(&worker, &mut events);
+                self.show_worker(&worker, &mut changes);
             }
         }
-        self.poll_runs(&mut events);
-        events
+        self.poll_runs(&mut changes);
+        (!changes.is_empty()).then_some(changes)
+    }
+
+    /// Reports an event, and applies it to the night.
+    fn report(&mut self, at_s: f64, event: Event, changes: &mut Update) {
+        self.night.apply(&event);
+        changes.events.push(TimedEvent { at_s, event });
     }
 
     /// Polls the workers from time to time. Runs of lost workers are reported as interrupted.
-    fn poll_workers(&mut self, events: &mut Vec<TimedEvent>) {
+    fn poll_workers(&mut self, changes: &mut Update) {
         let recent = self
             .workers_polled
             .is_some_and(|at| at.elapsed() < WORKER_POLL);
@@ -167,7 +212,7 @@ impl Follower {
             return;
         }
         self.workers_polled = Some(Instant::now());
-        let workers = list_workers(self.night.folder());
+        let workers = list_workers(self.files.folder());
         let at_s = now_s();
         let lost: BTreeSet<&str> = workers
             .iter()
@@ -186,23 +231,18 @@ impl Follower {
         for (key, run) in abandoned {
             self.mark_stopped(&run);
             // Shards have keys that are no run ids, and their reference has not ended.
-            for cell in self.ids.get(&key).into_iter().flatten() {
-                if !self.night.is_done(*cell) {
-                    let event = FollowEvent::CellFinished {
-                        cell: *cell,
-                        outcome: Outcome::Interrupted,
-                        last: None,
-                    };
-                    events.push(TimedEvent { at_s, event });
+            for cell in self.ids.get(&key).cloned().unwrap_or_default() {
+                if !self.files.is_done(cell) {
+                    let event = Event::ended(cell, Outcome::Interrupted, Vec::new());
+                    self.report(at_s, event, changes);
                 }
             }
         }
-        let event = FollowEvent::Workers(workers);
-        events.push(TimedEvent { at_s, event });
+        changes.workers = Some(workers);
     }
 
     /// Shows all runs that a worker renders, which are several if it interleaves them.
-    fn show_worker(&mut self, worker: &str, events: &mut Vec<TimedEvent>) {
+    fn show_worker(&mut self, worker: &str, changes: &mut Update) {
         let is_shown = |line: &WorkerLine| {
             let cell = line
                 .event
@@ -216,7 +256,7 @@ impl Follower {
         let to_show = |line: &&WorkerLine| line.worker == worker && !is_shown(line);
         let lines: Vec<WorkerLine> = self.active.values().filter(to_show).cloned().collect();
         for line in &lines {
-            self.show(line, events);
+            self.show(line, changes);
         }
     }
 
@@ -230,7 +270,7 @@ impl Follower {
     }
 
     /// Shows a run that started, beside those that still render.
-    fn show(&mut self, line: &WorkerLine, events: &mut Vec<TimedEvent>) {
+    fn show(&mut self, line: &WorkerLine, changes: &mut Update) {
         let at_s = journal_events::date_s(line);
         let id = line.event.run().unwrap_or_default();
         if let Some(cell) = self.ids.get(id).and_then(|cells| cells.first()).copied() {
@@ -238,13 +278,13 @@ impl Follower {
             self.runs
                 .retain(|other| other.running && other.cell != cell);
             self.runs.push(run);
-            events.push(TimedEvent { at_s, event });
+            self.report(at_s, event, changes);
         }
     }
 
     /// Reports runs that are done without a line in the journal: the journal was lost, or they lie
     /// in a sibling folder.
-    fn report_finished_runs(&mut self, lines: &[WorkerLine], events: &mut Vec<TimedEvent>) {
+    fn report_finished_runs(&mut self, lines: &[WorkerLine], changes: &mut Update) {
         let done = |line: &WorkerLine| match &line.event {
             JournalEvent::CellFinished(end) if end.outcome == OutcomeKind::Done => {
                 Some(end.run.clone())
@@ -255,7 +295,7 @@ impl Follower {
         let unreported = self.ids.iter().filter(|(id, _)| !reported.contains(*id));
         let unreported: Vec<CellRef> = unreported.flat_map(|(_, cells)| cells).copied().collect();
         for cell in unreported {
-            let Some(folder) = self.night.finished_folder(cell) else {
+            let Some(folder) = self.files.finished_folder(cell) else {
                 continue;
             };
             let last = match self.stored_last_row(&folder) {
@@ -265,12 +305,9 @@ impl Follower {
                     continue;
                 }
             };
-            let event = FollowEvent::CellFinished {
-                cell,
-                last,
-                outcome: Outcome::Cached(folder),
-            };
-            events.push(TimedEvent { at_s: 0.0, event });
+            let rows = last.into_iter().collect();
+            let event = Event::ended(cell, Outcome::Cached(folder), rows);
+            self.report(0.0, event, changes);
         }
     }
 
@@ -284,7 +321,7 @@ impl Follower {
         let Some(results) = done.as_ref().and_then(|done| done.rendered()) else {
             return Ok(None);
         };
-        let columns = self.outline.metrics.iter().map(|m| m.column.as_str());
+        let columns = self.night.plan.metrics.iter().map(|m| m.column.as_str());
         Ok(Some(WaveRow {
             wave: results.waves,
             samples: results.samples,
@@ -301,35 +338,31 @@ impl Follower {
     }
 
     /// Begins to follow a run, given the journal line of its start.
-    fn start(&mut self, cell: CellRef, line: &WorkerLine) -> (FollowEvent, FollowedRun) {
-        let run = self.night.run(cell);
+    fn start(&mut self, cell: CellRef, line: &WorkerLine) -> (Event, FollowedRun) {
+        let run = self.files.run(cell);
         let config = run.config().ok();
-        let config = config.and_then(|config| config.settings().cloned().map(Box::new));
+        let settings = config.and_then(|config| config.settings().cloned().map(Arc::new));
         let open = match &line.event {
             JournalEvent::CellStarted(start) => start.stats(),
             JournalEvent::ShardStarted(start) => start.stats(),
             _ => OpenStats::default(),
         };
         let reference = match cell {
-            CellRef::Cell(i) => self
-                .night
-                .plan()
-                .cells
-                .get(i)
-                .and_then(|cell| cell.reference),
+            CellRef::Cell(i) => self.night.runs.get(i).and_then(|run| run.reference),
             CellRef::Reference(_) => None,
         };
         let reference = reference.and_then(|i| self.reference_image(i));
-        let axis = config
+        let axis = settings
             .as_ref()
-            .and_then(|config| config.timing.as_ref())
+            .and_then(|settings| settings.timing.as_ref())
             .map(|timing| timing.axis);
         let followed = FollowedRun::new(cell, run.folder().to_owned(), line.worker.clone(), axis);
-        let event = FollowEvent::CellStarted {
+        let event = Event::CellStarted {
             cell,
-            config,
             open,
             reference,
+            resumed: None,
+            settings,
         };
         (event, followed)
     }
@@ -340,20 +373,24 @@ impl Follower {
         {
             return Some(Arc::clone(image));
         }
-        let file = self.night.reference_picture(i)?;
+        let file = self.files.reference_picture(i)?;
         let image = Arc::new(run::read_image(&file, self.decode)?);
         self.recent_reference = Some((i, Arc::clone(&image)));
         Some(image)
     }
 
     /// Reports what is new of the shown runs.
-    fn poll_runs(&mut self, events: &mut Vec<TimedEvent>) {
+    fn poll_runs(&mut self, changes: &mut Update) {
         let at_s = now_s();
-        for run in &mut self.runs {
-            run.poll(&self.outline, self.decode, &mut |event| {
-                events.push(TimedEvent { at_s, event });
-            });
+        let mut runs = std::mem::take(&mut self.runs);
+        for run in &mut runs {
+            let (events, times) = run.poll(&self.night.plan.metrics, self.decode);
+            for event in events {
+                self.report(at_s, event, changes);
+            }
+            changes.times.extend(times);
         }
+        self.runs = runs;
     }
 }
 

@@ -6,8 +6,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::FollowEvent;
-use crate::experiment::{CellRef, PlanOutline, WaveRow};
+use super::TimesFile;
+use crate::experiment::{CellRef, Event, WaveRow};
 use crate::store::FILMS;
 use crate::store::read::archive::Decode;
 use crate::store::read::evidence::Evidence;
@@ -15,7 +15,9 @@ use crate::store::read::run_reader::{reordered, snapshots};
 use crate::store::read::tail::Tail;
 use crate::store::write::metrics_csv;
 use lumbre_light::film::Image;
+use lumbre_light::film::layer::{Layer, LayerFilm, LayerImage, PathSubset};
 use lumbre_light::film::time::{CUBE_FILE, TimeAxis};
+use lumbre_metrics::MetricSpec;
 
 /// A run that is shown.
 #[derive(Debug)]
@@ -65,51 +67,47 @@ impl FollowedRun {
         self.metrics.path()
     }
 
-    /// Reports new measurements and a newer image. After the end of the run, reports one strategy
+    /// Returns new measurements and a newer image. After the end of the run, returns one strategy
     /// image per call, and the time-resolved film.
     pub(super) fn poll(
         &mut self,
-        outline: &PlanOutline,
+        metrics: &[MetricSpec],
         decode: Decode,
-        report: &mut impl FnMut(FollowEvent),
-    ) {
+    ) -> (Vec<Event>, Option<TimesFile>) {
         let cell = self.cell;
-        for row in self.new_rows(outline) {
-            report(FollowEvent::Wave { cell, row });
-        }
+        let wave = |row: WaveRow| Event::Wave {
+            cell,
+            pow2: row.samples.is_power_of_two(),
+            row,
+            measure_s: 0.0,
+            image: None,
+            noise: None,
+        };
+        let mut events: Vec<Event> = self.new_rows(metrics).into_iter().map(wave).collect();
         let newest = newest_image(&self.folder, self.running);
         if let Some((samples, file)) = newest.filter(|(n, _)| *n > self.image_samples)
             && let Some(image) = read_image(&file, decode)
         {
             self.image_samples = samples;
-            report(FollowEvent::ImageUpdated {
-                cell,
-                image: Arc::new(image),
-            });
+            let image = Arc::new(image);
+            events.push(Event::Picture { cell, image });
             if !self.running {
                 self.strategies = strategy_files(&self.folder).into();
             }
         }
         if let Some(file) = self.strategies.pop_front()
-            && let (Some((s, t, weighted)), Some(image)) =
-                (parse_strategy(&file), read_image(&file, decode))
+            && let (Some(film), Some(image)) = (parse_strategy(&file), read_image(&file, decode))
         {
-            report(FollowEvent::StrategyImage {
-                cell,
-                s,
-                t,
-                weighted,
-                image: Arc::new(image),
-            });
+            let layer = Arc::new(LayerImage { film, image });
+            events.push(Event::Layer { cell, layer });
         }
         let file = self.folder.join(FILMS).join(CUBE_FILE);
-        if let Some(axis) = self.axis.take_if(|_| !self.running && file.is_file()) {
-            report(FollowEvent::TimesWritten { cell, file, axis });
-        }
+        let axis = self.axis.take_if(|_| !self.running && file.is_file());
+        (events, axis.map(|axis| TimesFile { cell, file, axis }))
     }
 
     /// Reads the rows that were appended since the last call.
-    fn new_rows(&mut self, outline: &PlanOutline) -> Vec<WaveRow> {
+    fn new_rows(&mut self, metrics: &[MetricSpec]) -> Vec<WaveRow> {
         let update = self.metrics.poll();
         if update.restarted {
             self.columns = None;
@@ -120,8 +118,7 @@ impl FollowedRun {
                 return Vec::new();
             };
             let index = |column: &str| names.iter().position(|c| c == column);
-            let columns: Vec<Option<usize>> =
-                outline.metrics.iter().map(|m| index(&m.column)).collect();
+            let columns: Vec<Option<usize>> = metrics.iter().map(|m| index(&m.column)).collect();
             let rows = found
                 .into_iter()
                 .map(|row| reordered(row, &columns))
@@ -172,9 +169,8 @@ fn strategy_files(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// Parses the numbers of light and camera vertices, and whether the image is weighted, from a name
-/// such as `strategies-s2-t1-raw.exr`.
-fn parse_strategy(file: &Path) -> Option<(u32, u32, bool)> {
+/// Parses the film of a strategy from a name such as `strategies-s2-t1-raw.exr`.
+fn parse_strategy(file: &Path) -> Option<LayerFilm> {
     let name = file
         .file_name()?
         .to_str()?
@@ -182,5 +178,13 @@ fn parse_strategy(file: &Path) -> Option<(u32, u32, bool)> {
         .strip_prefix("strategies-s")?;
     let (s, rest) = name.split_once("-t")?;
     let (t, kind) = rest.split_once('-')?;
-    Some((s.parse().ok()?, t.parse().ok()?, kind == "weighted"))
+    Some(LayerFilm {
+        layer: Layer::Strategies,
+        subset: PathSubset::Strategy {
+            s: s.parse().ok()?,
+            t: t.parse().ok()?,
+            weighted: kind == "weighted",
+        },
+        splats: Layer::Strategies.row().splats,
+    })
 }

@@ -1,13 +1,18 @@
 //! Tests of following nights by their files.
 
+use std::collections::BTreeMap;
 use std::fs;
+use std::sync::Arc;
 
+use proptest::prelude::*;
 use serde_json::json;
 
-use super::{FollowEvent, Follower};
+use super::Follower;
 use crate::experiment::event::History;
+use crate::experiment::night::run::RunState;
 use crate::experiment::run_progress::{Claim, ReportedOutcome};
-use crate::experiment::{CellRef, Outcome, Plan, StopRule};
+use crate::experiment::shards::Shard;
+use crate::experiment::{CellRef, EndCause, Event, Night, Outcome, Plan, StopRule, WaveRow};
 use crate::store::schema::journal::{
     JournalEvent, JournalLine, NightStart, OutcomeKind, RunEnd, RunStart, ShardEnd, ShardRecord,
     ShardStart, WaveRecord,
@@ -17,61 +22,71 @@ use crate::store::schema::run::{BiasCheckFile, DoneFile, RunResults};
 use crate::store::tests::{decode, finish_run, only_run_of, plan, results, row};
 use crate::store::{FILMS, LEASE, PlanSnapshot, RunWriter, Store, StoredFile, WorkerInfo};
 use lumbre_light::film::time::TimeAxis;
-use lumbre_render::Device;
+use lumbre_render::{Device, OpenStats};
 
 /// Polls once, and describes the events.
 fn poll(follower: &mut Follower) -> Vec<String> {
-    let description = |event: FollowEvent| match event {
-        FollowEvent::NightStarted => "night started".to_owned(),
-        FollowEvent::Forecast(left) => format!("{} known", left.known),
-        FollowEvent::BiasCheck { reference, agrees } => {
-            format!("reference {reference} agrees: {agrees}")
-        }
-        FollowEvent::NightFinished => "night ended".to_owned(),
-        FollowEvent::CellStarted {
-            cell, config, open, ..
+    let description = |event: Event| match event {
+        Event::NightStarted { .. } => "night started".to_owned(),
+        Event::Forecast(left) => format!("{} known", left.known),
+        Event::BiasCheck {
+            reference, check, ..
+        } => format!("reference {reference} agrees: {}", check.agrees),
+        Event::NightFinished => "night ended".to_owned(),
+        Event::CellStarted {
+            cell,
+            settings,
+            open,
+            ..
         } => {
-            let technique = config.map_or_else(|| "unknown".to_owned(), |config| config.integrator);
+            let technique = settings.map(|settings| settings.integrator.clone());
+            let technique = technique.unwrap_or_else(|| "unknown".to_owned());
             format!("{cell:?} starts {technique} on {}", open.device_line())
         }
-        FollowEvent::Wave { cell, row } => format!("{cell:?} has {}", row.samples),
-        FollowEvent::CellFinished {
+        Event::Wave { cell, row, .. } => format!("{cell:?} has {}", row.samples),
+        Event::CellFinished {
             cell,
             outcome,
-            last,
+            rows,
+            ..
         } => {
             let end = match &outcome {
                 Outcome::Done(cause) if cause.is_limit => format!("Limit({:?})", cause.clause),
                 Outcome::Done(cause) => format!("Done({:?})", cause.clause),
                 other => format!("{other:?}"),
             };
-            format!("{cell:?} {end} after {:?}", last.map(|row| row.samples))
-        }
-        FollowEvent::ImageUpdated { cell, image } => {
-            format!("{cell:?} shows {}", image.at(0, 0)[0])
-        }
-        FollowEvent::Message { text, .. } => text,
-        FollowEvent::StrategyImage { .. } => "strategy image".to_owned(),
-        FollowEvent::TimesWritten { cell, axis, .. } => {
-            format!("{cell:?} has {} bins", axis.bins)
-        }
-        FollowEvent::RunActive { cell } => format!("{cell:?} is active"),
-        FollowEvent::ShardChanged {
-            reference,
-            finished,
-            total,
-        } => format!("shard {finished:?} of {total} of reference {reference}"),
-        FollowEvent::Workers(workers) => {
             format!(
-                "{} workers",
-                workers.iter().filter(|w| w.is_active()).count()
+                "{cell:?} {end} after {:?}",
+                rows.last().map(|row| row.samples)
             )
         }
+        Event::Picture { cell, image } => format!("{cell:?} shows {}", image.at(0, 0)[0]),
+        Event::Message { text, .. } => text,
+        Event::Layer { layer, .. } => layer.film.name(),
+        Event::RunActive { cell } => format!("{cell:?} is active"),
+        Event::ShardActive { shard } => {
+            format!("shard of reference {} is active", shard.reference)
+        }
+        Event::ShardFinished { shard, .. } => {
+            format!("shard {} of {} ended", shard.number, shard.count)
+        }
+        other => format!("{other:?}"),
     };
-    follower
-        .poll()
-        .into_iter()
+    let Some(changes) = follower.poll() else {
+        return Vec::new();
+    };
+    let events = changes.events.into_iter();
+    let times = changes.times.iter();
+    let times = times.map(|times| format!("{:?} has {} bins", times.cell, times.axis.bins));
+    let workers = changes.workers.iter();
+    let workers = workers.map(|workers| {
+        let active = workers.iter().filter(|worker| worker.is_active());
+        format!("{} workers", active.count())
+    });
+    events
         .map(|timed| description(timed.event))
+        .chain(times)
+        .chain(workers)
         .collect()
 }
 
@@ -140,7 +155,7 @@ fn a_night_is_followed_while_it_renders() {
     start_line(&store, &plan, 1);
     let mut follower = Follower::open(store.folder(), decode).unwrap();
     assert_eq!(
-        follower.outline().stop(CellRef::Cell(0)).unwrap().rule,
+        follower.night().stop(CellRef::Cell(0)).unwrap().rule,
         StopRule::Samples(4)
     );
     let first = poll(&mut follower);
@@ -446,7 +461,7 @@ fn the_time_resolved_film_is_reported_once_after_the_run() {
     let film = lumbre_light::value::Value::from_json(
         &json!({ "time": { "start": 2, "bin": 0.5, "bins": 8 } }),
     );
-    let cell = std::sync::Arc::make_mut(&mut plan.cells[0].config);
+    let cell = Arc::make_mut(&mut plan.cells[0].config);
     cell.timing =
         lumbre_light::transport::path_time::Timing::from_film(film.as_map().unwrap(), "film")
             .unwrap();
@@ -470,11 +485,11 @@ fn the_time_resolved_film_is_reported_once_after_the_run() {
         "not before the run has ended"
     );
     end_line(&store, &plan, 0);
-    let events = follower.poll();
-    let times = events.iter().filter_map(|timed| match &timed.event {
-        FollowEvent::TimesWritten { file, axis, .. } => Some((file.clone(), *axis)),
-        _ => None,
-    });
+    let changes = follower.poll().unwrap();
+    let times = changes
+        .times
+        .iter()
+        .map(|times| (times.file.clone(), times.axis));
     assert_eq!(
         times.collect::<Vec<_>>(),
         [(
@@ -487,4 +502,195 @@ fn the_time_resolved_film_is_reported_once_after_the_run() {
         )]
     );
     assert!(poll(&mut follower).is_empty(), "and only once");
+}
+
+/// Something that happens in a night.
+#[derive(Clone, Debug)]
+enum Step {
+    /// A cell starts, unless it renders or is done.
+    Start(usize),
+    /// A cell that renders is measured.
+    Wave(usize),
+    /// A cell that renders ends.
+    End(usize, OutcomeKind),
+    /// A shard of the reference starts.
+    StartShard(usize),
+    /// A shard of the reference ends, finished or not.
+    EndShard(usize, bool),
+    /// The process is killed, and a new one begins the night again.
+    Crash,
+}
+
+fn any_step() -> impl Strategy<Value = Step> {
+    let kind = prop_oneof![
+        Just(OutcomeKind::Done),
+        Just(OutcomeKind::Failed),
+        Just(OutcomeKind::Interrupted)
+    ];
+    prop_oneof![
+        3 => (0usize..3).prop_map(Step::Start),
+        3 => (0usize..3).prop_map(Step::Wave),
+        3 => (0usize..3, kind).prop_map(|(cell, kind)| Step::End(cell, kind)),
+        1 => (1usize..3).prop_map(Step::StartShard),
+        1 => (1usize..3, any::<bool>()).prop_map(|(number, done)| Step::EndShard(number, done)),
+        1 => Just(Step::Crash),
+    ]
+}
+
+/// A night that renders: its state, and its files.
+struct LiveNight<'a> {
+    plan: &'a Plan,
+    store: &'a Store,
+    night: Night,
+    /// Writers of the cells that render.
+    writers: BTreeMap<usize, RunWriter>,
+    waves: u64,
+}
+
+impl LiveNight<'_> {
+    /// Applies an event, and enters it in the journal.
+    fn emit(&mut self, event: &Event) {
+        self.night.apply(event);
+        if let Some(line) = JournalEvent::from_event(event, self.plan) {
+            self.store.journal(line).unwrap();
+        }
+    }
+
+    /// Begins the night in a new process, which finds finished runs.
+    fn begin(&mut self) {
+        self.writers.clear();
+        let done: Vec<CellRef> = self.night.all().collect();
+        let done = done
+            .into_iter()
+            .filter(|cell| self.night.state(*cell).unwrap().is_done());
+        let done: Vec<(CellRef, WaveRow)> = done
+            .map(|cell| (cell, self.night.last_row(cell).unwrap().clone()))
+            .collect();
+        let night = Arc::new(Night::planned(self.plan));
+        self.emit(&Event::NightStarted { night });
+        for (cell, last) in done {
+            let folder = self.store.run_folder(self.plan, cell);
+            self.emit(&Event::ended(cell, Outcome::Cached(folder), vec![last]));
+        }
+    }
+
+    fn take(&mut self, step: &Step) {
+        let shard = |number| Shard {
+            reference: 0,
+            first: 0,
+            end: 8,
+            number,
+            count: 2,
+        };
+        match *step {
+            Step::Start(i) => {
+                let cell = CellRef::Cell(i);
+                let state = self.night.state(cell).unwrap();
+                if *state == RunState::Running || state.is_done() {
+                    return;
+                }
+                let mut writer = self.store.start(self.plan, cell, None).unwrap();
+                writer.open_metrics(&[], &[]).unwrap();
+                self.writers.insert(i, writer);
+                self.emit(&Event::CellStarted {
+                    cell,
+                    open: OpenStats::default(),
+                    reference: None,
+                    resumed: None,
+                    settings: None,
+                });
+            }
+            Step::Wave(i) => {
+                if let Some(writer) = self.writers.get_mut(&i) {
+                    self.waves += 1;
+                    let row = row(self.waves, 0);
+                    writer.append_row(&row).unwrap();
+                    self.emit(&Event::Wave {
+                        cell: CellRef::Cell(i),
+                        row,
+                        measure_s: 0.0,
+                        image: None,
+                        noise: None,
+                        pow2: false,
+                    });
+                }
+            }
+            Step::End(i, kind) => {
+                let Some(writer) = self.writers.remove(&i) else {
+                    return;
+                };
+                let outcome = match kind {
+                    OutcomeKind::Done => {
+                        let id = &self.plan.cells[i].id.0;
+                        writer.finish(&results(id, 4)).unwrap();
+                        Outcome::Done(EndCause::limit("4 samples"))
+                    }
+                    OutcomeKind::Failed => Outcome::Failed("no memory".to_owned()),
+                    _ => Outcome::Interrupted,
+                };
+                let rows = vec![row(2, 0)];
+                self.emit(&Event::ended(CellRef::Cell(i), outcome, rows));
+            }
+            Step::StartShard(number) => self.emit(&Event::ShardStarted {
+                shard: shard(number),
+                open: OpenStats::default(),
+                resumed: None,
+            }),
+            Step::EndShard(number, done) => self.emit(&Event::ShardFinished {
+                shard: shard(number),
+                outcome: match done {
+                    true => Outcome::Done(EndCause::limit("8 samples")),
+                    false => Outcome::Interrupted,
+                },
+                last: None,
+                sums: None,
+            }),
+            Step::Crash => self.begin(),
+        }
+    }
+}
+
+/// Returns everything that a reader of the files can know of a night.
+fn known(night: &Night) -> Vec<String> {
+    let shards = night.references[0].shards.clone();
+    let state = |cell| {
+        let samples = night.last_row(cell).map(|row| row.samples);
+        format!("{cell:?} {:?} {samples:?}", night.state(cell))
+    };
+    let states = night.all().map(state);
+    states.chain([format!("{shards:?}")]).collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 48,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
+
+    #[test]
+    fn a_night_that_is_read_from_its_files_is_the_one_that_renders(
+        steps in proptest::collection::vec(any_step(), 0..24),
+    ) {
+        let dir = tempfile::tempdir().unwrap();
+        let plan = plan("night", "3f9a00", &["aa11", "bb22", "cc33"]);
+        let store = Store::open(dir.path(), &plan, decode).unwrap();
+        let mut live = LiveNight {
+            plan: &plan,
+            store: &store,
+            night: Night::planned(&plan),
+            writers: BTreeMap::new(),
+            waves: 0,
+        };
+        live.begin();
+        let mut follower = Follower::open(store.folder(), decode).unwrap();
+        for step in &steps {
+            live.take(step);
+            follower.poll();
+            prop_assert_eq!(known(follower.night()), known(&live.night), "after {:?}", step);
+        }
+        let mut late = Follower::open(store.folder(), decode).unwrap();
+        late.poll();
+        prop_assert_eq!(known(late.night()), known(&live.night), "read at once");
+    }
 }

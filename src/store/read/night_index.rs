@@ -3,90 +3,29 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::config_check;
 use super::merged_journal::parse_lines;
 use super::night_reader::NightReader;
-use super::outline::outline;
-use super::run_index::RunIndex;
+use super::planned_night::planned_night;
+use super::run_index::{FinishedSummary, RunIndex};
 use super::run_reader::{Measurements, RunReader};
-use crate::experiment::CellRef;
+use crate::experiment::night::run::RunState;
+use crate::experiment::{CellRef, EndCause, Night, Outcome, WaveRow};
 use crate::store::schema::journal;
-use crate::store::schema::plan::{PlanFile, PlannedReference};
+use crate::store::schema::plan::PlanFile;
 use crate::store::schema::run::{ConfigFile, DONE, DoneFile};
 use crate::store::schema::{ReadError, StoredFile};
 use crate::store::write::failure;
 use crate::store::{StoreError, layout, regular_file};
 
-/// State of a run.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum RunState {
-    /// Finished in its own folder, for this reason.
-    Done(String),
-    /// Finished in another folder of the same experiment.
-    Elsewhere(PathBuf),
-    /// Its last file is damaged, as described.
-    Damaged(String),
-    /// The last attempt failed, for this reason.
-    Failed(String),
-    /// Started, but neither finished nor failed: it is running or was interrupted.
-    Unfinished,
-    /// The run was not started.
-    Pending,
-}
-
-impl RunState {
-    /// Name of the state: `done`, `elsewhere`, `damaged`, `failed`, `unfinished` or
-    /// `pending`.
-    pub fn name(&self) -> &'static str {
-        match self {
-            RunState::Done(_) => "done",
-            RunState::Elsewhere(_) => "elsewhere",
-            RunState::Damaged(_) => "damaged",
-            RunState::Failed(_) => "failed",
-            RunState::Unfinished => "unfinished",
-            RunState::Pending => "pending",
-        }
-    }
-}
-
-/// One run or reference of an experiment.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RunEntry {
-    /// Id of the run.
-    pub run: String,
-    /// Readable path, or the name of a reference.
-    pub path: String,
-    /// Folder of the run, which need not exist.
-    pub folder: PathBuf,
-    /// State of the run.
-    pub state: RunState,
-    /// Samples per pixel of a finished run.
-    pub samples: Option<u64>,
-    /// Render time of a finished run in seconds.
-    pub render_s: Option<f64>,
-}
-
-/// One experiment folder.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ExperimentEntry {
-    /// Folder of the experiment.
-    pub folder: PathBuf,
-    /// Name of the experiment.
-    pub name: String,
-    /// Hash of the plan.
-    pub hash: String,
-    /// Runs of the cells, in the order of the plan.
-    pub runs: Vec<RunEntry>,
-    /// References that the experiment renders.
-    pub references: Vec<RunEntry>,
-}
-
 /// Experiments of an output folder.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub struct Listing {
-    /// Experiments, ordered by folder.
-    pub experiments: Vec<ExperimentEntry>,
+    /// Nights, ordered by folder. A finished run has a single row, with its samples per pixel and
+    /// render time; runs that started and neither finished nor failed are interrupted.
+    pub nights: Vec<Night>,
     /// Why other folders with a plan are not listed.
     pub refused: Vec<ReadError>,
 }
@@ -98,9 +37,7 @@ pub fn list_experiments(out: &Path) -> Listing {
     let mut listing = Listing::default();
     for night in NightReader::all(out) {
         match night {
-            Ok(night) => listing
-                .experiments
-                .push(experiment_entry(&night, &mut index)),
+            Ok(files) => listing.nights.push(listed_night(&files, &mut index)),
             Err(error) => listing.refused.push(error),
         }
     }
@@ -118,79 +55,65 @@ pub(crate) fn finished_in_siblings(
     layout::finished_runs(siblings.into_iter().filter(|other| other != folder))
 }
 
-fn experiment_entry(night: &NightReader, index: &mut RunIndex) -> ExperimentEntry {
-    let plan = night.plan();
-    let outline = outline(plan);
-    let mut reader = EntryReader {
-        night,
+fn listed_night(files: &NightReader, index: &mut RunIndex) -> Night {
+    let mut night = planned_night(files);
+    let mut states = StateReader {
+        files,
         index,
         finished_here: BTreeMap::new(),
     };
-    let cells = plan.cells.iter().enumerate();
-    let runs = cells
-        .map(|(i, cell)| reader.entry(CellRef::Cell(i), &cell.run, &cell.path))
-        .collect();
-    let references = plan.references.iter().enumerate();
-    let rendered = references.filter(|(_, r)| matches!(r, PlannedReference::Render(_)));
-    let references = rendered
-        .map(|(i, reference)| {
-            let name = format!("reference {}", outline.reference_name(i));
-            reader.entry(CellRef::Reference(i), reference.run(), &name)
-        })
-        .collect();
-    ExperimentEntry {
-        folder: night.folder().to_owned(),
-        name: plan.name.clone(),
-        hash: plan.hash.clone(),
-        runs,
-        references,
+    for (i, run) in night.runs.iter_mut().enumerate() {
+        let run = Arc::make_mut(run);
+        let (state, rows) = states.state(CellRef::Cell(i), &run.planned.id);
+        (run.state, run.rows) = (state, Arc::new(rows));
     }
+    for (i, reference) in night.references.iter_mut().enumerate() {
+        let reference = Arc::make_mut(reference);
+        let (state, rows) = states.state(CellRef::Reference(i), &reference.planned.id);
+        (reference.state, reference.rows) = (state, Arc::new(rows));
+    }
+    night
 }
 
 /// State while the runs of one experiment are listed.
-struct EntryReader<'a> {
-    night: &'a NightReader,
+struct StateReader<'a> {
+    files: &'a NightReader,
     index: &'a mut RunIndex,
     /// Folders of the finished runs that were listed before, by run id.
     finished_here: BTreeMap<String, PathBuf>,
 }
 
-impl EntryReader<'_> {
-    /// Determines the state of a run.
-    fn entry(&mut self, cell: CellRef, run: &str, path: &str) -> RunEntry {
-        let folder = self.night.run_folder(cell);
+impl StateReader<'_> {
+    /// Determines the state of a run, and what is known of its measurements.
+    fn state(&mut self, cell: CellRef, run: &str) -> (RunState, Vec<WaveRow>) {
+        let folder = self.files.run_folder(cell);
         let marker = NightReader::done_name(cell);
-        let damaged = |error: ReadError| (RunState::Damaged(error.to_string()), None);
-        let elsewhere = |other: &PathBuf, finished| (RunState::Elsewhere(other.clone()), finished);
-        let here = self.index.finished(&folder, marker);
-        let (state, finished) = if let Ok(Some(finished)) = here {
-            self.finished_here
-                .entry(run.to_owned())
-                .or_insert_with(|| folder.clone());
-            (RunState::Done(finished.reason.clone()), Some(finished))
-        } else if let Err(error) = here {
-            damaged(error)
-        } else if let Some(other) = self.finished_here.get(run) {
-            let finished = self.index.finished(other, marker);
-            finished.map_or_else(damaged, |finished| elsewhere(other, finished))
-        } else if let Some(other) = self.night.elsewhere().get(run) {
-            let finished = self.index.finished(other, DONE);
-            finished.map_or_else(damaged, |finished| elsewhere(other, finished))
-        } else if let Some(failure) = failure::read(&folder) {
-            (RunState::Failed(failure.reason), None)
-        } else if folder.exists() {
-            (RunState::Unfinished, None)
-        } else {
-            (RunState::Pending, None)
+        let ended = |outcome, rows| (RunState::Ended(outcome), rows);
+        let damaged = |error: ReadError| (RunState::Damaged(error.to_string()), Vec::new());
+        let elsewhere = |other: &PathBuf, finished: FinishedSummary| {
+            ended(Outcome::Cached(other.clone()), finished.rows())
         };
-        let finished = finished.unwrap_or_default();
-        RunEntry {
-            run: run.to_owned(),
-            path: path.to_owned(),
-            folder,
-            state,
-            samples: finished.samples,
-            render_s: finished.render_s,
+        match self.index.finished(&folder, marker) {
+            Ok(Some(finished)) => {
+                self.finished_here.entry(run.to_owned()).or_insert(folder);
+                let rows = finished.rows();
+                return ended(Outcome::Done(EndCause::other(finished.reason)), rows);
+            }
+            Ok(None) => {}
+            Err(error) => return damaged(error),
+        }
+        if let Some(other) = self.finished_here.get(run) {
+            let finished = self.index.finished(other, marker);
+            finished.map_or_else(damaged, |found| elsewhere(other, found.unwrap_or_default()))
+        } else if let Some(other) = self.files.elsewhere().get(run) {
+            let finished = self.index.finished(other, DONE);
+            finished.map_or_else(damaged, |found| elsewhere(other, found.unwrap_or_default()))
+        } else if let Some(failure) = failure::read(&folder) {
+            ended(Outcome::Failed(failure.reason), Vec::new())
+        } else if folder.exists() {
+            ended(Outcome::Interrupted, Vec::new())
+        } else {
+            (RunState::Pending, Vec::new())
         }
     }
 }

@@ -19,6 +19,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+use crate::experiment::WaveRow;
 use crate::paths::folder_of;
 use crate::store::lock::filesystem_kind;
 use crate::store::schema::process::IndexHeader;
@@ -43,6 +44,20 @@ pub struct FinishedSummary {
 }
 
 impl FinishedSummary {
+    /// Returns what is known of the last measurement, if the run was rendered.
+    pub(crate) fn rows(&self) -> Vec<WaveRow> {
+        let row = |(samples, render_s)| WaveRow {
+            samples,
+            render_s,
+            ..WaveRow::default()
+        };
+        self.samples
+            .zip(self.render_s)
+            .map(row)
+            .into_iter()
+            .collect()
+    }
+
     fn from_done(done: &DoneFile) -> FinishedSummary {
         done.rendered()
             .map_or_else(FinishedSummary::default, |results| FinishedSummary {

@@ -237,20 +237,33 @@ impl OutcomeKind {
             Outcome::Interrupted => (OutcomeKind::Interrupted, String::new()),
         }
     }
+
+    /// Joins the kind and reason of an outcome. `is_limit` is that of a clause, and `folder` that of
+    /// a cached run.
+    fn join(self, reason: &str, is_limit: bool, folder: std::path::PathBuf) -> Outcome {
+        match self {
+            OutcomeKind::Done => Outcome::Done(EndCause {
+                clause: reason.to_owned(),
+                is_limit,
+            }),
+            OutcomeKind::Cached => Outcome::Cached(folder),
+            OutcomeKind::Failed => Outcome::Failed(reason.to_owned()),
+            OutcomeKind::Interrupted => Outcome::Interrupted,
+        }
+    }
 }
 
 impl RunEnd {
     /// The outcome of the run, whose folder is `folder`.
     pub fn outcome(&self, folder: std::path::PathBuf) -> Outcome {
-        match self.outcome {
-            OutcomeKind::Done => Outcome::Done(EndCause {
-                clause: self.reason.clone(),
-                is_limit: self.limit,
-            }),
-            OutcomeKind::Cached => Outcome::Cached(folder),
-            OutcomeKind::Failed => Outcome::Failed(self.reason.clone()),
-            OutcomeKind::Interrupted => Outcome::Interrupted,
-        }
+        self.outcome.join(&self.reason, self.limit, folder)
+    }
+}
+
+impl ShardEnd {
+    /// The outcome of the shard.
+    pub fn outcome(&self) -> Outcome {
+        self.outcome.join(&self.reason, false, Default::default())
     }
 }
 
@@ -388,7 +401,7 @@ impl JournalEvent {
     pub fn from_event(event: &Event, plan: &Plan) -> Option<JournalEvent> {
         let run = |cell: CellRef| plan.id(cell).0.clone();
         let recorded = match event {
-            Event::NightStarted { plan } => JournalEvent::NightStarted(NightStart {
+            Event::NightStarted { .. } => JournalEvent::NightStarted(NightStart {
                 plan: plan.hash.clone(),
                 cells: plan.cells.len(),
                 arguments: crate::text::arguments(),
@@ -445,9 +458,12 @@ impl JournalEvent {
             }
             Event::BiasCheck {
                 reference,
-                with,
-                found,
-            } => JournalEvent::BiasCheck(BiasCheckFile::new(plan, *reference, *with, found)),
+                check,
+                compared: Some((with, found)),
+            } => {
+                let pair = [*reference, *with];
+                JournalEvent::BiasCheck(BiasCheckFile::new(plan, pair, check, found))
+            }
             Event::Message { level, cell, text } if *level >= Level::Warn => {
                 JournalEvent::Message(MessageRecord {
                     level: *level,
@@ -458,7 +474,12 @@ impl JournalEvent {
             Event::Forecast(left) => JournalEvent::Forecast(*left),
             Event::NightFinished => JournalEvent::NightFinished {},
             Event::Message { .. }
+            | Event::RunActive { .. }
+            | Event::ShardActive { .. }
+            | Event::BiasCheck { compared: None, .. }
             | Event::Wave { .. }
+            | Event::Picture { .. }
+            | Event::Layer { .. }
             | Event::Times { .. }
             | Event::NoiseFloors { .. }
             | Event::Halves { .. } => return None,

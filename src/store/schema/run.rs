@@ -9,7 +9,7 @@ use super::values::{Named, Real};
 use super::{Field, Problem, ReadError, RecordRow, Version, files, pretty, records};
 use crate::experiment::Plan;
 use crate::experiment::bias_check::BiasCheckResult;
-use crate::experiment::plan::ReferenceSource;
+use crate::experiment::night::reference::BiasCheckSummary;
 use lumbre_light::film::ztest::Judged;
 use lumbre_light::value::Value;
 use lumbre_render::settings::{Settings, StoredSettings};
@@ -313,18 +313,19 @@ impl ConfigFile {
 
 impl BiasCheckFile {
     /// Records the comparison of a reference with the picture `with`.
-    pub fn new(plan: &Plan, reference: usize, with: usize, found: &BiasCheckResult) -> Self {
-        let technique = match &plan.references[with].source {
-            ReferenceSource::Render { config, .. } => config.integrator.as_str(),
-            ReferenceSource::File { .. } => "file",
-        };
+    pub fn new(
+        plan: &Plan,
+        [reference, with]: [usize; 2],
+        check: &BiasCheckSummary,
+        found: &BiasCheckResult,
+    ) -> Self {
         let [reference, second] = [reference, with].map(|i| plan.references[i].id.0.clone());
         BiasCheckFile {
             reference,
             second,
-            technique: technique.to_owned(),
-            agrees: found.agrees(),
-            finding: found.describe(),
+            technique: check.technique.clone(),
+            agrees: check.agrees,
+            finding: check.finding.clone(),
             comparisons: found.comparisons,
             false_discovery_rate: found.rate,
             ratio: Real(found.ratio),

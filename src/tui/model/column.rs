@@ -1,7 +1,7 @@
 //! Columns of the plan pane that distinguish cells from each other.
 
-use crate::experiment::PlanOutline;
-use crate::experiment::plan_outline::CellOutline;
+use crate::experiment::Night;
+use crate::experiment::night::run::Run;
 use crate::tui::format;
 
 /// A column of the plan pane: an axis whose value differs between cells, or the repeat number.
@@ -19,28 +19,29 @@ pub struct Column {
 
 /// Returns a column for each axis whose value differs between cells, and one for the repeat
 /// number if there are several repeats.
-pub fn columns(plan: &PlanOutline) -> Vec<Column> {
+pub fn columns(night: &Night) -> Vec<Column> {
     let mut columns = Vec::new();
-    for (i, axis) in plan.axes.iter().enumerate() {
-        let at = |cell: &CellOutline| cell.point.get(i).map(|(_, value)| value.clone());
-        if plan.varying.get(i) == Some(&true) {
-            let values = plan
-                .cells
+    for (i, axis) in night.plan.axes.iter().enumerate() {
+        let at = |run: &Run| run.point.get(i).map(|(_, value)| value.clone());
+        if night.plan.varying.get(i) == Some(&true) {
+            let values = night
+                .runs
                 .iter()
-                .map(|c| at(c).map_or_else(String::new, |v| format::clean(&v.to_string())));
-            let numeric = plan
-                .cells
+                .map(|run| at(run).map_or_else(String::new, |v| format::clean(&v.to_string())));
+            let numeric = night
+                .runs
                 .iter()
-                .all(|cell| at(cell).is_some_and(|v| v.as_f64().is_some()));
+                .all(|run| at(run).is_some_and(|v| v.as_f64().is_some()));
             columns.push(Column::new(axis, values.collect(), numeric));
         }
     }
-    if plan.repeated {
+    if night.is_repeated() {
         columns.push(Column::new(
             "rep",
-            plan.cells
+            night
+                .runs
                 .iter()
-                .map(|cell| cell.repeat.to_string())
+                .map(|run| run.repeat.to_string())
                 .collect(),
             true,
         ));

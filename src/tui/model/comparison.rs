@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use super::column::Column;
-use crate::experiment::PlanOutline;
+use crate::experiment::Night;
 use lumbre_light::transport::integrator::{canonical_name, external, integrators};
 
 /// The compared column of the plan and its values.
@@ -21,8 +21,8 @@ pub struct Comparison {
 impl Comparison {
     /// Chooses the column: the axis whose values are techniques, or else the last axis that varies.
     /// Returns `None` if no axis varies.
-    pub fn new(plan: &PlanOutline, columns: &[Column]) -> Option<Comparison> {
-        let axes = columns.len() - usize::from(plan.repeated && !columns.is_empty());
+    pub fn new(night: &Night, columns: &[Column]) -> Option<Comparison> {
+        let axes = columns.len() - usize::from(night.is_repeated() && !columns.is_empty());
         let is_technique = |value: &String| {
             value.starts_with(external::PREFIX)
                 || integrators().any(|row| row.name == canonical_name(value))

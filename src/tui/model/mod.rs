@@ -4,7 +4,6 @@ pub mod column;
 pub mod comparison;
 pub mod curve;
 pub mod end_message;
-pub mod entry;
 pub mod eta;
 pub mod night;
 pub mod plan_rows;

@@ -1,26 +1,24 @@
 //! State of a night, folded from its events. Nothing here draws, and memory does not grow with
 //! time.
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use super::column::{Column, columns};
 use super::comparison::Comparison;
 use super::curve::Curve;
 use super::end_message::end_message;
-use super::entry::{EntryState, PlanEntry};
 use super::strategy_thumbnails::{StrategyThumbnail, StrategyThumbnails};
 use super::time_preview::TimePreview;
 use super::worker_list::WorkerLine;
 use crate::experiment::forecast::Forecast;
 use crate::experiment::outcome::Level;
-use crate::experiment::shards::Shard;
-use crate::experiment::{CellRef, Event, Outcome, PlanOutline, StopRule, WaveRow};
+use crate::experiment::{CellRef, Event, Night, Outcome, StopRule, WaveRow};
 use crate::tui::format;
 use lumbre_light::film::SharedImage;
 use lumbre_light::film::layer::LayerImage;
-use lumbre_render::Settings;
-use lumbre_render::{Device, OpenStats};
+use lumbre_metrics::MetricSpec;
+use lumbre_render::{Device, OpenStats, Settings};
 
 /// Number of log messages that are stored.
 pub const MESSAGES: usize = 500;
@@ -49,8 +47,8 @@ pub struct CurrentRun {
     pub updated_s: f64,
     /// Whether it is still rendering.
     pub running: bool,
-    /// Configuration, if the plan does not contain it.
-    pub config: Option<Arc<Settings>>,
+    /// Render settings, if the plan does not contain them.
+    pub settings: Option<Arc<Settings>>,
 }
 
 /// A message in the log.
@@ -67,12 +65,8 @@ pub struct LogMessage {
 /// Everything that the dashboard shows of a night.
 #[derive(Clone, Debug, Default)]
 pub struct NightModel {
-    /// The plan, once the night has begun.
-    pub plan: Option<Arc<PlanOutline>>,
-    /// State of every reference, in plan order.
-    pub references: Vec<PlanEntry>,
-    /// State of every cell, in plan order.
-    pub cells: Vec<PlanEntry>,
+    /// Plan, runs and references; empty before the night has begun.
+    pub night: Night,
     /// Columns that distinguish cells from each other.
     pub columns: Arc<Vec<Column>>,
     /// Selection of the cells that the chart compares; `None` if no axis varies.
@@ -81,12 +75,6 @@ pub struct NightModel {
     pub current: Option<CurrentRun>,
     /// Other runs that are interleaved with the current one.
     pub interleaved: BTreeMap<CellRef, CurrentRun>,
-    /// For every sharded reference: the indices of its finished shards, and the number of shards.
-    pub shards: BTreeMap<usize, (BTreeSet<usize>, usize)>,
-    /// For every reference with a known noise floor: its contribution to each metric.
-    pub noise_floors: BTreeMap<usize, Arc<Vec<Option<f64>>>>,
-    /// References whose bias check failed: a second technique disagrees beyond noise.
-    pub contradicted: BTreeSet<usize>,
     /// Curves of the last [`PAST`] cells that ended with measurements, oldest first.
     pub past_curves: VecDeque<(CellRef, Arc<Curve>)>,
     /// Thumbnails of the last cell that stored per-strategy films.
@@ -116,25 +104,73 @@ impl NightModel {
         current.map_or(&[], |current| &current.open.devices)
     }
 
+    /// Returns the model of a night that has not started.
+    pub fn new(night: Night) -> NightModel {
+        let mut model = NightModel::default();
+        model.show(night);
+        model
+    }
+
+    /// Returns the night, once its plan is known.
+    pub fn planned(&self) -> Option<&Night> {
+        (!self.night.plan.hash.is_empty()).then_some(&self.night)
+    }
+
+    /// Returns the metrics of the plan.
+    pub fn metrics(&self) -> &[MetricSpec] {
+        &self.night.plan.metrics
+    }
+
     /// Applies an event received at `at_s` seconds on the receiver's monotonic clock.
     ///
     /// Events about cells that are not in the plan are ignored, so any order of events is safe.
     pub fn receive(&mut self, event: &Event, at_s: f64) {
+        self.revision += 1;
+        if let Event::NightStarted { night } = event {
+            self.begin_night(night, at_s);
+            return;
+        }
+        self.night.apply(event);
+        let is_planned = event
+            .cell()
+            .is_none_or(|cell| self.night.state(cell).is_some());
+        if is_planned {
+            self.updated_s = self.updated_s.max(at_s);
+            self.show_event(event, at_s);
+        }
+    }
+
+    /// Follows an event in what is shown beside the night itself.
+    fn show_event(&mut self, event: &Event, at_s: f64) {
         match event {
-            Event::NightStarted { plan } => {
-                self.begin_night(Arc::new(PlanOutline::from_plan(plan)), at_s)
-            }
             Event::CellStarted {
                 cell,
                 open,
                 reference,
                 resumed,
+                settings,
             } => {
-                self.start_run(*cell, open.clone(), reference.clone(), at_s);
+                let run = CurrentRun {
+                    open: open.clone(),
+                    reference: reference.clone(),
+                    settings: settings.clone(),
+                    ..CurrentRun::new(*cell, at_s)
+                };
+                self.start_run(run);
                 // Measurements by an earlier process.
                 for row in resumed.iter().flat_map(|rows| rows.iter()) {
                     self.add_wave(*cell, row, 0.0, at_s);
                 }
+            }
+            Event::ShardStarted { shard, open, .. } => {
+                let cell = CellRef::Reference(shard.reference);
+                self.start_run(CurrentRun {
+                    open: open.clone(),
+                    ..CurrentRun::new(cell, at_s)
+                });
+            }
+            Event::ShardActive { shard } | Event::ShardFinished { shard, .. } => {
+                self.stop_current(CellRef::Reference(shard.reference));
             }
             Event::Wave {
                 cell,
@@ -145,108 +181,83 @@ impl NightModel {
                 pow2: _,
             } => {
                 self.add_wave(*cell, row, *measure_s, at_s);
-                self.set_image(*cell, image.clone());
+                if let Some(image) = image {
+                    self.set_image(*cell, image);
+                }
                 self.add_noise(*cell, row, *noise);
             }
-            Event::NoiseFloors { reference, floors } => {
-                self.set_noise_floors(*reference, Arc::clone(floors))
-            }
-            Event::ShardStarted { shard, open, .. } => self.start_shard(shard, open.clone(), at_s),
-            Event::ShardFinished { shard, outcome, .. } => {
-                let done = matches!(outcome, Outcome::Done(_));
-                let finished = done.then_some(shard.number);
-                self.update_shards(shard.reference, finished, shard.count, at_s);
-            }
-            // Building a time preview is slow; the caller does it before locking the model and then
-            // calls `set_time_preview`.
-            Event::Times { .. } | Event::Halves { .. } => {}
-            Event::BiasCheck {
-                reference, found, ..
-            } => self.set_bias_check(*reference, found.agrees()),
+            Event::Picture { cell, image } => self.set_image(*cell, image),
+            Event::Layer { cell, layer } => self.add_strategy_thumbnail(*cell, layer),
             Event::CellFinished {
                 cell,
                 outcome,
-                film: _,
-                denoised: _,
                 layers,
-                times: _,
                 rows,
+                ..
             } => {
                 self.finish_run(*cell, outcome, rows.last(), at_s);
                 self.set_strategy_thumbnails(*cell, layers);
             }
-            Event::Message { level, cell, text } => self.log(*level, *cell, text, at_s),
-            Event::Forecast(left) => self.set_forecast(*left, at_s),
+            Event::Message { level, cell, text } => {
+                self.append_message(*level, *cell, text, at_s);
+            }
+            Event::Forecast(left) => self.forecast = Some((*left, at_s)),
             Event::NightFinished => self.end_night(at_s),
+            // Building a time preview is slow; the caller does it before locking the model and then
+            // calls `set_time_preview`.
+            Event::NightStarted { .. }
+            | Event::RunActive { .. }
+            | Event::NoiseFloors { .. }
+            | Event::BiasCheck { .. }
+            | Event::Times { .. }
+            | Event::Halves { .. } => {}
         }
     }
 
-    /// Begins a night. Earlier messages are kept.
-    pub fn begin_night(&mut self, plan: Arc<PlanOutline>, at_s: f64) {
-        let columns = columns(&plan);
+    /// Begins a night. Messages are kept and, if the same plan is run again, pictures and curves
+    /// too.
+    fn begin_night(&mut self, night: &Night, at_s: f64) {
+        if self.night.plan.hash == night.plan.hash {
+            self.night = night.clone();
+            self.interleaved.clear();
+            if let Some(current) = &mut self.current {
+                current.running = false;
+            }
+        } else {
+            self.show(night.clone());
+        }
+        (self.started_s, self.finished_s, self.forecast) = (Some(at_s), None, None);
+        self.updated_s = at_s;
+    }
+
+    /// Shows another night.
+    fn show(&mut self, night: Night) {
+        let columns = columns(&night);
         *self = NightModel {
-            references: vec![PlanEntry::default(); plan.references.len()],
-            cells: vec![PlanEntry::default(); plan.cells.len()],
-            comparison: Comparison::new(&plan, &columns).map(Arc::new),
+            comparison: Comparison::new(&night, &columns).map(Arc::new),
             columns: Arc::new(columns),
-            plan: Some(plan),
-            started_s: Some(at_s),
+            night,
             messages: std::mem::take(&mut self.messages),
-            revision: self.revision + 1,
-            updated_s: at_s,
+            revision: self.revision,
             ..NightModel::default()
         };
     }
 
-    /// Begins another night in the same folder: finished runs become cached, all others wait.
-    pub fn begin_next_night(&mut self, at_s: f64) {
-        self.touch(at_s);
-        for entry in self.references.iter_mut().chain(&mut self.cells) {
-            entry.state = match entry.state {
-                EntryState::Done(_) | EntryState::Cached => EntryState::Cached,
-                _ => EntryState::Waiting,
-            };
-        }
-        (self.started_s, self.finished_s, self.forecast) = (Some(at_s), None, None);
-        self.interleaved.clear();
-        if let Some(current) = &mut self.current {
-            current.running = false;
-        }
-    }
-
-    /// Marks a run as opened, for the first time or after a restart.
-    pub fn start_run(
-        &mut self,
-        cell: CellRef,
-        open: OpenStats,
-        reference: Option<SharedImage>,
-        at_s: f64,
-    ) {
-        self.touch(at_s);
-        let Some(entry) = self.entry_mut(cell) else {
-            return;
-        };
-        *entry = PlanEntry {
-            state: EntryState::Running,
-            last: None,
-        };
-        let new = CurrentRun {
-            open,
-            reference,
-            ..CurrentRun::new(cell, at_s)
-        };
+    /// Shows a run that was opened, for the first time or after a restart.
+    fn start_run(&mut self, new: CurrentRun) {
         match &self.current {
-            Some(current) if current.running && current.cell != cell => {
-                self.interleaved.insert(cell, new);
+            Some(current) if current.running && current.cell != new.cell => {
+                self.interleaved.insert(new.cell, new);
             }
             _ => self.current = Some(new),
         }
     }
 
-    /// Marks a reference as running because one of its shards has been opened.
-    fn start_shard(&mut self, shard: &Shard, open: OpenStats, at_s: f64) {
-        self.count_shards(shard.reference, None, shard.count);
-        self.start_run(CellRef::Reference(shard.reference), open, None, at_s);
+    /// Notes that the current run no longer renders, if it is this one.
+    fn stop_current(&mut self, cell: CellRef) {
+        if let Some(current) = self.current.as_mut().filter(|current| current.cell == cell) {
+            current.running = false;
+        }
     }
 
     /// Returns the state of a run that renders: the current one or an interleaved one. A run that
@@ -266,14 +277,6 @@ impl NightModel {
             .get_or_insert_with(|| CurrentRun::new(cell, at_s))
     }
 
-    /// Marks a run that renders beside the current one.
-    pub fn mark_running(&mut self, cell: CellRef, at_s: f64) {
-        self.touch(at_s);
-        if let Some(entry) = self.entry_mut(cell) {
-            entry.state = EntryState::Running;
-        }
-    }
-
     /// Replaces the list of workers.
     pub fn set_workers(&mut self, workers: Vec<WorkerLine>) {
         self.revision += 1;
@@ -281,16 +284,8 @@ impl NightModel {
     }
 
     /// Adds a measurement of a run.
-    pub fn add_wave(&mut self, cell: CellRef, row: &WaveRow, measure_s: f64, at_s: f64) {
-        self.touch(at_s);
+    fn add_wave(&mut self, cell: CellRef, row: &WaveRow, measure_s: f64, at_s: f64) {
         let row = Arc::new(row.clone());
-        let Some(entry) = self.entry_mut(cell) else {
-            return;
-        };
-        *entry = PlanEntry {
-            state: EntryState::Running,
-            last: Some(Arc::clone(&row)),
-        };
         let current = self.running_mut(cell, at_s);
         current.curve.push(row);
         current.measure_s += measure_s;
@@ -311,29 +306,15 @@ impl NightModel {
     }
 
     /// Replaces the picture of a run that renders.
-    pub fn set_image(&mut self, cell: CellRef, image: SharedImage) {
+    fn set_image(&mut self, cell: CellRef, image: &SharedImage) {
         let current = self.current.as_mut().filter(|current| current.cell == cell);
         if let Some(current) = current.or(self.interleaved.get_mut(&cell)) {
-            current.image = Some(image);
+            current.image = Some(Arc::clone(image));
         }
     }
 
-    /// Marks a run as ended; `last` is its last measurement.
-    pub fn finish_run(
-        &mut self,
-        cell: CellRef,
-        outcome: &Outcome,
-        last: Option<&WaveRow>,
-        at_s: f64,
-    ) {
-        self.touch(at_s);
-        let Some(entry) = self.entry_mut(cell) else {
-            return;
-        };
-        entry.state = EntryState::from(outcome);
-        if let Some(row) = last {
-            entry.last = Some(Arc::new(row.clone()));
-        }
+    /// Ends a run; `last` is its last measurement.
+    fn finish_run(&mut self, cell: CellRef, outcome: &Outcome, last: Option<&WaveRow>, at_s: f64) {
         let (level, text) = end_message(outcome, last);
         if let Some(text) = text {
             self.append_message(level, Some(cell), &text, at_s);
@@ -370,68 +351,15 @@ impl NightModel {
         }
     }
 
-    /// Updates a sharded reference after a shard ended. `finished` is the index of the shard if it
-    /// is complete; `count` is the number of shards.
-    pub fn update_shards(
-        &mut self,
-        reference: usize,
-        finished: Option<usize>,
-        count: usize,
-        at_s: f64,
-    ) {
-        self.touch(at_s);
-        let cell = CellRef::Reference(reference);
-        let Some(entry) = self.entry_mut(cell) else {
-            return;
-        };
-        if entry.state == EntryState::Running {
-            *entry = PlanEntry::default();
-        }
-        self.count_shards(reference, finished, count);
-        if let Some(current) = self.current.as_mut().filter(|current| current.cell == cell) {
-            current.running = false;
-        }
-    }
-
-    fn count_shards(&mut self, reference: usize, finished: Option<usize>, count: usize) {
-        if reference < self.references.len() {
-            let shards = self.shards.entry(reference).or_default();
-            shards.0.extend(finished);
-            shards.1 = count;
-        }
-    }
-
-    /// Number of finished shards and of all shards of a reference, until the reference has ended.
+    /// Returns the numbers of finished shards and of all shards of a reference, until it has ended.
     pub fn shard_progress(&self, cell: CellRef) -> Option<(usize, usize)> {
         let CellRef::Reference(i) = cell else {
             return None;
         };
-        let open = |entry: &&PlanEntry| {
-            matches!(
-                entry.state,
-                EntryState::Waiting | EntryState::Running | EntryState::Interrupted
-            )
-        };
-        self.entry(cell).filter(open)?;
-        self.shards
-            .get(&i)
-            .map(|(done, count)| (done.len(), *count))
-    }
-
-    /// Sets the noise floor of a reference: the smallest value that each metric of the plan can be
-    /// measured to have against it.
-    pub fn set_noise_floors(&mut self, reference: usize, floors: Arc<Vec<Option<f64>>>) {
-        self.revision += 1;
-        self.noise_floors.insert(reference, floors);
-    }
-
-    /// Records whether a reference agrees with the same picture rendered by a second technique.
-    pub fn set_bias_check(&mut self, reference: usize, agrees: bool) {
-        self.revision += 1;
-        match agrees {
-            true => self.contradicted.remove(&reference),
-            false => self.contradicted.insert(reference),
-        };
+        let reference = self.night.references.get(i)?;
+        let shards = reference.shards.as_ref();
+        let shards = shards.filter(|_| !reference.state.is_settled())?;
+        Some((shards.finished.len(), shards.count))
     }
 
     /// Noise floor of a metric for the reference of the current cell, if known.
@@ -439,25 +367,16 @@ impl NightModel {
         let CellRef::Cell(i) = self.current.as_ref()?.cell else {
             return None;
         };
-        let reference = self.plan.as_ref()?.cells.get(i)?.reference?;
-        self.noise_floors
-            .get(&reference)?
-            .get(metric)
-            .copied()
-            .flatten()
-    }
-
-    /// Sets the configuration of a run, for readers whose plan does not contain it.
-    pub fn set_config(&mut self, cell: CellRef, config: Arc<Settings>) {
-        let current = self.current.as_mut().filter(|current| current.cell == cell);
-        if let Some(current) = current.or(self.interleaved.get_mut(&cell)) {
-            current.config = Some(config);
-        }
+        let reference = self.night.runs.get(i)?.reference?;
+        let floors = self.night.references.get(reference)?.floors.as_ref()?;
+        floors.get(metric).copied().flatten()
     }
 
     /// Adds the thumbnail of one strategy of a cell.
-    pub fn add_strategy_thumbnail(&mut self, cell: CellRef, thumb: StrategyThumbnail) {
-        self.revision += 1;
+    fn add_strategy_thumbnail(&mut self, cell: CellRef, layer: &LayerImage) {
+        let Some(thumbnail) = StrategyThumbnail::from_layer(layer) else {
+            return;
+        };
         let mut thumbnails = match self.thumbnails.take() {
             Some(thumbnails) if thumbnails.cell == cell => thumbnails,
             _ => Arc::new(StrategyThumbnails {
@@ -465,12 +384,12 @@ impl NightModel {
                 films: Vec::new(),
             }),
         };
-        Arc::make_mut(&mut thumbnails).films.push(thumb);
+        Arc::make_mut(&mut thumbnails).films.push(thumbnail);
         self.thumbnails = Some(thumbnails);
     }
 
     /// Reduces and stores the per-strategy films among the layers of a cell.
-    pub fn set_strategy_thumbnails(&mut self, cell: CellRef, layers: &[LayerImage]) {
+    fn set_strategy_thumbnails(&mut self, cell: CellRef, layers: &[LayerImage]) {
         if let Some(thumbnails) = StrategyThumbnails::from_layers(cell, layers) {
             self.thumbnails = Some(Arc::new(thumbnails));
         }
@@ -494,20 +413,20 @@ impl NightModel {
         }
     }
 
-    /// Appends a message to the log, about a run or about the night.
-    pub fn log(&mut self, level: Level, cell: Option<CellRef>, text: &str, at_s: f64) {
-        self.touch(at_s);
-        self.append_message(level, cell, text, at_s);
+    /// Appends a message about the program to the log.
+    pub fn log(&mut self, level: Level, text: &str, at_s: f64) {
+        self.revision += 1;
+        self.updated_s = self.updated_s.max(at_s);
+        self.append_message(level, None, text, at_s);
     }
 
     /// Appends a line to the log.
     fn append_message(&mut self, level: Level, cell: Option<CellRef>, text: &str, at_s: f64) {
-        let about = match (&self.plan, cell) {
-            (Some(plan), Some(cell @ CellRef::Cell(_))) => {
-                format!("{}: ", format::cell_name(plan, cell))
-            }
-            (Some(plan), Some(cell)) => format!("reference {}: ", format::cell_name(plan, cell)),
-            _ => String::new(),
+        let name = |cell| format::cell_name(&self.night, cell);
+        let about = match cell.filter(|_| self.planned().is_some()) {
+            Some(cell @ CellRef::Cell(_)) => format!("{}: ", name(cell)),
+            Some(cell) => format!("reference {}: ", name(cell)),
+            None => String::new(),
         };
         if self.messages.len() >= MESSAGES {
             self.messages.pop_front();
@@ -520,15 +439,8 @@ impl NightModel {
         });
     }
 
-    /// Stores a forecast of the remaining time.
-    pub fn set_forecast(&mut self, left: Forecast, at_s: f64) {
-        self.touch(at_s);
-        self.forecast = Some((left, at_s));
-    }
-
-    /// Marks the night as ended.
-    pub fn end_night(&mut self, at_s: f64) {
-        self.touch(at_s);
+    /// Ends the night.
+    fn end_night(&mut self, at_s: f64) {
         self.finished_s = Some(at_s);
         self.interleaved.clear();
         if let Some(current) = &mut self.current {
@@ -536,38 +448,16 @@ impl NightModel {
         }
     }
 
-    fn touch(&mut self, at_s: f64) {
-        self.revision += 1;
-        self.updated_s = self.updated_s.max(at_s);
-    }
-
-    fn entry_mut(&mut self, cell: CellRef) -> Option<&mut PlanEntry> {
-        match cell {
-            CellRef::Cell(i) => self.cells.get_mut(i),
-            CellRef::Reference(i) => self.references.get_mut(i),
-        }
-    }
-
-    /// Configuration of a cell or reference, if known.
-    pub fn config(&self, cell: CellRef) -> Option<&Settings> {
+    /// Returns the render settings of a cell or reference, if known.
+    pub fn settings(&self, cell: CellRef) -> Option<&Settings> {
         let current = self.current.as_ref().filter(|current| current.cell == cell);
-        let known = current.and_then(|current| current.config.as_ref());
-        known
-            .or_else(|| self.plan.as_ref()?.config(cell))
-            .map(Arc::as_ref)
+        let known = current.and_then(|current| current.settings.as_ref());
+        known.or_else(|| self.night.settings(cell)).map(Arc::as_ref)
     }
 
-    /// State of a cell or reference.
-    pub fn entry(&self, cell: CellRef) -> Option<&PlanEntry> {
-        match cell {
-            CellRef::Cell(i) => self.cells.get(i),
-            CellRef::Reference(i) => self.references.get(i),
-        }
-    }
-
-    /// Stop rule of a cell or reference; `None` for references that are files.
+    /// Returns the stop rule of a cell or reference; `None` for references that are files.
     pub fn stop_rule(&self, cell: CellRef) -> Option<&StopRule> {
-        Some(&self.plan.as_deref()?.stop(cell)?.rule)
+        Some(&self.night.stop(cell)?.rule)
     }
 }
 
@@ -583,7 +473,7 @@ impl CurrentRun {
             measure_s: 0.0,
             updated_s: at_s,
             running: true,
-            config: None,
+            settings: None,
         }
     }
 }

@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::entry::{EntryState, PlanEntry};
 use super::night::NightModel;
-use crate::experiment::{CellRef, PlanOutline};
+use crate::experiment::night::NightPlan;
+use crate::experiment::night::run::RunState;
+use crate::experiment::{CellRef, Night, Outcome};
 use crate::tui::format;
 use crate::tui::modes::PlanLayout;
 use crate::tui::view::View;
@@ -54,7 +55,7 @@ pub struct PlanRows {
     key: Option<RowsKey>,
     rows: Vec<PlanRow>,
     /// The plan for which `groups`, `group_of` and `labels` (in lower case) were built.
-    outline: Option<Arc<PlanOutline>>,
+    plan: Option<Arc<NightPlan>>,
     groups: Vec<CellGroup>,
     group_of: Vec<usize>,
     labels: Vec<String>,
@@ -64,16 +65,14 @@ pub struct PlanRows {
 impl PlanRows {
     /// Rebuilds the rows if anything has changed.
     pub fn update(&mut self, model: &NightModel, view: &View) -> &PlanRows {
-        let Some(plan) = &model.plan else {
+        let Some(night) = model.planned() else {
             *self = PlanRows::default();
             return self;
         };
-        if !self
-            .outline
-            .as_ref()
-            .is_some_and(|known| Arc::ptr_eq(known, plan))
-        {
-            self.prepare(plan, model);
+        let plan = &night.plan;
+        let known = self.plan.as_ref();
+        if !known.is_some_and(|known| Arc::ptr_eq(known, plan)) {
+            self.prepare(night, model);
         }
         let open = match model.current.as_ref().map(|current| current.cell) {
             Some(CellRef::Cell(i)) => self.group_of.get(i).copied(),
@@ -98,14 +97,14 @@ impl PlanRows {
         self
     }
 
-    fn prepare(&mut self, plan: &Arc<PlanOutline>, model: &NightModel) {
+    fn prepare(&mut self, night: &Night, model: &NightModel) {
         self.key = None;
-        self.labels = (0..plan.cells.len())
-            .map(|i| format::cell_name(plan, CellRef::Cell(i)).to_lowercase())
+        self.labels = (0..night.runs.len())
+            .map(|i| format::cell_name(night, CellRef::Cell(i)).to_lowercase())
             .collect();
-        self.references = plan.references.len();
+        self.references = night.references.len();
         (self.groups, self.group_of) = (Vec::new(), Vec::new());
-        let several = model.columns.len() > 1 && plan.cells.len() >= SMALLEST_TREE;
+        let several = model.columns.len() > 1 && night.runs.len() >= SMALLEST_TREE;
         if let (true, Some(column)) = (several, model.columns.first()) {
             let mut known: BTreeMap<&str, usize> = BTreeMap::new();
             for (i, value) in column.values.iter().enumerate() {
@@ -121,19 +120,16 @@ impl PlanRows {
             }
         }
         // If most groups would hold a single cell, a list is easier to read.
-        if self.groups.len() * 2 > plan.cells.len() {
+        if self.groups.len() * 2 > night.runs.len() {
             (self.groups, self.group_of) = (Vec::new(), Vec::new());
         }
-        self.outline = Some(Arc::clone(plan));
+        self.plan = Some(Arc::clone(&night.plan));
     }
 
     fn build(&self, model: &NightModel, view: &View, open: Option<usize>) -> Vec<PlanRow> {
         let wanted: Vec<&str> = view.filter.split_whitespace().collect();
         let shown = |i: &usize| {
-            let state = model
-                .cells
-                .get(*i)
-                .map_or("", |entry| state_word(&entry.state));
+            let state = model.night.state(CellRef::Cell(*i)).map_or("", state_word);
             wanted
                 .iter()
                 .all(|word| self.labels[*i].contains(word) || state.starts_with(word))
@@ -207,19 +203,18 @@ impl PlanRows {
 
 /// Returns whether every reference is finished.
 fn references_are_done(model: &NightModel) -> bool {
-    let is_done =
-        |entry: &PlanEntry| matches!(entry.state, EntryState::Done(_) | EntryState::Cached);
-    model.references.iter().all(is_done)
+    let mut references = model.night.references.iter();
+    references.all(|reference| reference.state.is_done())
 }
 
 /// Returns the word with which a filter matches a state.
-fn state_word(state: &EntryState) -> &'static str {
+fn state_word(state: &RunState) -> &'static str {
     match state {
-        EntryState::Waiting => "waiting",
-        EntryState::Running => "running",
-        EntryState::Done(_) => "done",
-        EntryState::Cached => "cached",
-        EntryState::Failed(_) => "failed",
-        EntryState::Interrupted => "interrupted",
+        RunState::Pending | RunState::Damaged(_) => "waiting",
+        RunState::Running => "running",
+        RunState::Ended(Outcome::Done(_)) => "done",
+        RunState::Ended(Outcome::Cached(_)) => "cached",
+        RunState::Ended(Outcome::Failed(_)) => "failed",
+        RunState::Ended(Outcome::Interrupted) => "interrupted",
     }
 }

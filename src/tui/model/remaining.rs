@@ -1,10 +1,10 @@
 //! Elapsed and estimated remaining time of the current run and of the night.
 
-use super::entry::{EntryState, mean_wall_s};
 use super::eta;
 use super::eta::Eta;
 use super::night::NightModel;
-use crate::experiment::{CellRef, WaveRow};
+use crate::experiment::night::run::RunState;
+use crate::experiment::{CellRef, Outcome, WaveRow};
 
 impl NightModel {
     /// Wall time in seconds since the current run started, at `now_s` on the receiver's clock.
@@ -31,8 +31,7 @@ impl NightModel {
     pub fn cell_eta(&self, now_s: f64) -> Option<Eta> {
         let current = self.current.as_ref().filter(|current| current.running)?;
         let row = current.curve.last()?;
-        let metrics = self.plan.as_ref().map_or(&[][..], |plan| &plan.metrics[..]);
-        let fits = |column: &str| eta::fit(&current.curve, metrics, column);
+        let fits = |column: &str| eta::fit(&current.curve, self.metrics(), column);
         let left = eta::render_left(self.stop_rule(current.cell)?, row, &fits)?;
         // Wall time also includes measuring and writing.
         let overhead = if row.render_s > 0.0 {
@@ -56,7 +55,7 @@ impl NightModel {
         if self.finished_s.is_some() {
             return None;
         }
-        self.plan.as_ref()?;
+        self.planned()?;
         if let Some((left, at_s)) = self
             .forecast
             .filter(|(left, _)| left.unknown == 0 && left.known > 0)
@@ -68,17 +67,16 @@ impl NightModel {
                 forecast: left.rough,
             });
         }
-        let means = (mean_wall_s(&self.references), mean_wall_s(&self.cells));
+        let is_reference = |cell: &CellRef| matches!(cell, CellRef::Reference(_));
+        let means = [false, true].map(|wanted| {
+            let same_kind = self.night.all().filter(|c| is_reference(c) == wanted);
+            self.mean_wall_s(same_kind)
+        });
         let mut sum = Eta::default();
-        let references = (0..self.references.len()).map(CellRef::Reference);
-        for cell in references.chain((0..self.cells.len()).map(CellRef::Cell)) {
-            let mean = if let CellRef::Reference(_) = cell {
-                means.0
-            } else {
-                means.1
-            };
-            let left = match self.entry(cell)?.state {
-                EntryState::Waiting => match (mean, self.stop_rule(cell)) {
+        for cell in self.night.all() {
+            let mean = means[usize::from(is_reference(&cell))];
+            let left = match self.night.state(cell)? {
+                RunState::Pending | RunState::Damaged(_) => match (mean, self.stop_rule(cell)) {
                     (_, None) => Eta::default(),
                     (Some(seconds), _) => Eta {
                         seconds,
@@ -86,7 +84,7 @@ impl NightModel {
                     },
                     (None, Some(rule)) => eta::render_left(rule, &WaveRow::default(), &|_| None)?,
                 },
-                EntryState::Running if self.current.as_ref().is_some_and(|c| c.cell == cell) => {
+                RunState::Running if self.current.as_ref().is_some_and(|c| c.cell == cell) => {
                     let spent = self.cell_wall_s(now_s);
                     let by_mean = mean.map(|mean| Eta {
                         seconds: (mean - spent).max(0.0),
@@ -103,11 +101,20 @@ impl NightModel {
 
     /// Number of invalid (NaN or infinite) samples of all runs of this night.
     pub fn invalid(&self) -> u64 {
-        self.references
-            .iter()
-            .chain(&self.cells)
-            .filter_map(|e| e.last.as_ref())
-            .map(|row| row.invalid)
-            .sum()
+        let rows = self
+            .night
+            .all()
+            .filter_map(|cell| self.night.last_row(cell));
+        rows.map(|row| row.invalid).sum()
+    }
+
+    /// Returns the mean wall time, in seconds, of those that were finished in this night; `None` if
+    /// none was.
+    fn mean_wall_s(&self, cells: impl Iterator<Item = CellRef>) -> Option<f64> {
+        let done = cells
+            .filter(|cell| matches!(self.night.outcome(*cell), Some(Outcome::Done(_))))
+            .filter_map(|cell| self.night.last_row(cell));
+        let (sum, n) = done.fold((0.0, 0u32), |(sum, n), row| (sum + row.wall_s, n + 1));
+        (n > 0).then(|| sum / f64::from(n))
     }
 }

@@ -34,20 +34,19 @@ pub struct StrategyThumbnails {
 impl StrategyThumbnails {
     /// Reduces the per-strategy films among a run's layers; `None` if there are none.
     pub fn from_layers(cell: CellRef, layers: &[LayerImage]) -> Option<StrategyThumbnails> {
-        let films = layers.iter().filter_map(|layer| {
-            let PathSubset::Strategy { s, t, weighted } = layer.film.subset else {
-                return None;
-            };
-            Some(StrategyThumbnail::from_film(s, t, weighted, &layer.image))
-        });
+        let films = layers.iter().filter_map(StrategyThumbnail::from_layer);
         let films: Vec<StrategyThumbnail> = films.collect();
         (!films.is_empty()).then_some(StrategyThumbnails { cell, films })
     }
 }
 
 impl StrategyThumbnail {
-    /// Reduces one film to at most `SIDE` pixels along each side.
-    pub fn from_film(s: u32, t: u32, weighted: bool, image: &Image) -> StrategyThumbnail {
+    /// Reduces one film to at most `SIDE` pixels along each side; `None` for other layers.
+    pub fn from_layer(layer: &LayerImage) -> Option<StrategyThumbnail> {
+        let PathSubset::Strategy { s, t, weighted } = layer.film.subset else {
+            return None;
+        };
+        let image = &layer.image;
         let most = image.width.max(image.height).max(1);
         let scale = |side: u32| (u64::from(side) * u64::from(SIDE) / u64::from(most)).max(1) as u32;
         let size = if most <= SIDE {
@@ -55,11 +54,11 @@ impl StrategyThumbnail {
         } else {
             [scale(image.width), scale(image.height)]
         };
-        StrategyThumbnail {
+        Some(StrategyThumbnail {
             s,
             t,
             weighted,
             image: box_average(image, size[0].max(1), size[1].max(1)),
-        }
+        })
     }
 }

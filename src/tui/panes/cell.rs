@@ -7,9 +7,9 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
 use super::{pane, title};
-use crate::experiment::{CellRef, PlanOutline, WaveRow};
+use crate::experiment::night::run::RunState;
+use crate::experiment::{CellRef, Night, Outcome, WaveRow};
 use crate::tui::format;
-use crate::tui::model::entry::EntryState;
 use crate::tui::model::eta;
 use crate::tui::model::night::{CurrentRun, NightModel};
 use crate::tui::terminal::terminal_caps::TerminalCaps;
@@ -23,7 +23,7 @@ use lumbre_render::Settings;
 /// Draws the cell pane.
 pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
     let caps = view.caps;
-    let (Some(plan), Some(current)) = (&model.plan, &model.current) else {
+    let (Some(night), Some(current)) = (model.planned(), &model.current) else {
         let block = pane(caps, Span::styled(" Cell ", caps.strong()));
         let text = if model.finished_s.is_some() {
             "all runs were already finished"
@@ -34,11 +34,11 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
         return;
     };
     let position = match current.cell {
-        CellRef::Cell(i) => format!(" Cell {} of {} ", i + 1, plan.cells.len()),
-        CellRef::Reference(i) => format!(" Reference {} of {} ", i + 1, plan.references.len()),
+        CellRef::Cell(i) => format!(" Cell {} of {} ", i + 1, night.runs.len()),
+        CellRef::Reference(i) => format!(" Reference {} of {} ", i + 1, night.references.len()),
     };
     let (state, style) = state(model, view, current);
-    let name = format::cell_name(plan, current.cell);
+    let name = format::cell_name(night, current.cell);
     // Reserve space for corners, state, spaces around the name, and part of the border.
     let room =
         usize::from(area.width).saturating_sub(format::width(&position) + format::width(state) + 8);
@@ -59,10 +59,10 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
         height: usize::from(inner.height),
         has_device_pane: device.height > 2,
     };
-    let mut lines = sheet.lines(plan, model, view, current);
+    let mut lines = sheet.lines(night, model, view, current);
     // For a rendered reference, the first line already describes it.
     let rendered_reference =
-        matches!(current.cell, CellRef::Reference(_)) && model.config(current.cell).is_some();
+        matches!(current.cell, CellRef::Reference(_)) && model.settings(current.cell).is_some();
     if !named && !rendered_reference {
         lines.insert(0, (3, sheet.fit(&name, caps.accent())));
     }
@@ -72,16 +72,18 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
 
 fn state(model: &NightModel, view: &View, current: &CurrentRun) -> (&'static str, Style) {
     let caps = view.caps;
-    match model.entry(current.cell).map(|entry| &entry.state) {
-        Some(EntryState::Running) if view.skipping == Some(current.cell) => {
+    match model.night.state(current.cell) {
+        Some(RunState::Running) if view.skipping == Some(current.cell) => {
             ("skipping after this wave", caps.warn())
         }
-        Some(EntryState::Running) if view.requests.paused => ("paused", caps.warn()),
-        Some(EntryState::Running) => ("rendering", caps.accent()),
-        Some(EntryState::Done(_)) => ("done", caps.good()),
-        Some(EntryState::Cached) => ("cached", caps.good()),
-        Some(EntryState::Failed(_)) => ("failed", caps.bad()),
-        Some(EntryState::Interrupted) => ("interrupted", caps.warn()),
+        Some(RunState::Running) if view.requests.paused => ("paused", caps.warn()),
+        Some(RunState::Running) => ("rendering", caps.accent()),
+        Some(RunState::Ended(outcome)) => match outcome {
+            Outcome::Done(_) => ("done", caps.good()),
+            Outcome::Cached(_) => ("cached", caps.good()),
+            Outcome::Failed(_) => ("failed", caps.bad()),
+            Outcome::Interrupted => ("interrupted", caps.warn()),
+        },
         _ => ("waiting", caps.dim()),
     }
 }
@@ -99,7 +101,7 @@ impl Sheet {
     /// Returns the lines in order, each with its rank; lines of rank 1 are dropped last.
     fn lines(
         &self,
-        plan: &PlanOutline,
+        night: &Night,
         model: &NightModel,
         view: &View,
         current: &CurrentRun,
@@ -107,7 +109,7 @@ impl Sheet {
         let empty = WaveRow::default();
         let row = current.curve.last().unwrap_or(&empty);
         let mut lines: Vec<(u8, Line<'static>)> = Vec::new();
-        if let Some(config) = model.config(current.cell) {
+        if let Some(config) = model.settings(current.cell) {
             lines.push((4, self.technique(config)));
             lines.push((5, self.subject(config)));
             let set: Vec<String> = config
@@ -128,7 +130,7 @@ impl Sheet {
                 lines.push((9, self.fit(&format::clean(&changes), self.caps.dim())));
             }
         }
-        if let Some(scene) = plan.scene(current.cell) {
+        if let Some(scene) = night.scene(current.cell) {
             lines.push((10, self.camera(scene)));
         }
         if !current.open.devices.is_empty() && !self.has_device_pane {
@@ -137,7 +139,7 @@ impl Sheet {
         lines.push((1, self.speed(row)));
         lines.push((2, self.times(model, view, row)));
         if !row.metrics.is_empty() {
-            let metrics = plan.metrics.iter().zip(&row.metrics);
+            let metrics = model.metrics().iter().zip(&row.metrics);
             let facts = metrics
                 .map(|(m, x)| self.fact(&m.column, &format::measured(m, *x), Style::new()))
                 .collect();
@@ -354,11 +356,16 @@ impl Sheet {
     /// Formats why the run ended, or its stop rule.
     fn end(&self, model: &NightModel, current: &CurrentRun) -> (String, Style) {
         let caps = self.caps;
-        let stop = model.plan.as_ref().and_then(|plan| plan.stop(current.cell));
-        match (model.entry(current.cell).map(|entry| &entry.state), stop) {
-            (Some(EntryState::Done(reason)), _) => (format!("done: {reason}"), caps.good()),
-            (Some(EntryState::Failed(reason)), _) => (format!("failed: {reason}"), caps.bad()),
-            (Some(EntryState::Interrupted), _) => (
+        let stop = model.night.stop(current.cell);
+        match (model.night.outcome(current.cell), stop) {
+            (Some(Outcome::Done(cause)), _) => (
+                format!("done: {}", format::clean(&cause.clause)),
+                caps.good(),
+            ),
+            (Some(Outcome::Failed(reason)), _) => {
+                (format!("failed: {}", format::clean(reason)), caps.bad())
+            }
+            (Some(Outcome::Interrupted), _) => (
                 "interrupted before its stop rule was met".to_owned(),
                 caps.warn(),
             ),
@@ -368,8 +375,8 @@ impl Sheet {
     }
 
     fn fraction(&self, model: &NightModel, current: &CurrentRun, row: &WaveRow) -> Option<f64> {
-        match model.entry(current.cell).map(|entry| &entry.state) {
-            Some(EntryState::Done(_) | EntryState::Cached) => Some(1.0),
+        match model.night.state(current.cell) {
+            Some(state) if state.is_done() => Some(1.0),
             _ => model
                 .stop_rule(current.cell)
                 .and_then(|rule| eta::fraction(rule, row)),

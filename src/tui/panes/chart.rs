@@ -22,10 +22,7 @@ use lumbre_metrics::{Better, MetricSpec};
 /// Draws the chart pane.
 pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
     let caps = view.caps;
-    let metrics = model
-        .plan
-        .as_ref()
-        .map_or(&[][..], |plan| &plan.metrics[..]);
+    let metrics = model.metrics();
     let spec = metrics.get(view.metric);
     let current = model.current.as_ref();
     if let Some(reference) = current.filter(|c| matches!(c.cell, CellRef::Reference(_))) {
@@ -42,7 +39,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
     let inner = block.inner(area);
     frame.render_widget(block, area);
     let (Some(spec), Some(current)) = (spec, current) else {
-        let note = if spec.is_none() && model.plan.is_some() {
+        let note = if spec.is_none() && model.planned().is_some() {
             "this plan has no metrics"
         } else {
             "nothing to plot yet"

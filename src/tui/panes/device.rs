@@ -30,7 +30,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
     }
     let current = model.current.as_ref();
     let backend = current
-        .and_then(|current| model.config(current.cell))
+        .and_then(|current| model.settings(current.cell))
         .map(|config| format::clean(&config.backend));
     let mut title = vec![Span::styled(" Device ", caps.strong())];
     if let Some(backend) = backend {

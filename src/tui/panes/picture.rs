@@ -10,7 +10,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
 use super::pane;
-use crate::experiment::{CellRef, PlanOutline};
+use crate::experiment::{CellRef, Night};
 use crate::tui::format;
 use crate::tui::model::night::NightModel;
 use crate::tui::modes::PictureMode;
@@ -143,7 +143,7 @@ fn draw_mode(frame: &mut Frame, area: Rect, model: &NightModel, view: &View, kin
         .and_then(|current| Some((current, current.image.as_ref()?)));
     let block = pane(caps, title(kind, current.map(|(_, image)| &**image), view));
     let inner = block.inner(area);
-    let (Some((current, image)), Some(plan)) = (current, &model.plan) else {
+    let (Some((current, image)), Some(night)) = (current, model.planned()) else {
         frame.render_widget(block, area);
         frame.render_widget(Paragraph::new("no picture yet").style(caps.dim()), inner);
         return;
@@ -161,11 +161,14 @@ fn draw_mode(frame: &mut Frame, area: Rect, model: &NightModel, view: &View, kin
         }
         None => fitted(resolution, inner.width, inner.height, per_cell),
     };
-    let content =
-        view.preview
-            .borrow_mut()
-            .get(kind, size, image, current.reference.as_ref(), &plan.metrics);
-    let (shown, note) = match display_image(&content, kind, view, plan) {
+    let content = view.preview.borrow_mut().get(
+        kind,
+        size,
+        image,
+        current.reference.as_ref(),
+        &night.plan.metrics,
+    );
+    let (shown, note) = match display_image(&content, kind, view, night) {
         Ok(shown) => shown,
         Err(reason) => {
             frame.render_widget(block, area);
@@ -210,14 +213,14 @@ fn display_image<'c>(
     content: &'c PreviewContent,
     kind: PictureMode,
     view: &View,
-    plan: &PlanOutline,
+    night: &Night,
 ) -> Result<(Image, Option<Line<'static>>), &'c str> {
     let caps = view.caps;
     match content {
         PreviewContent::Radiance(reduced) => {
             let note = (view.exposure != 0.0)
                 .then(|| Line::styled(format!(" {:+} stops ", view.exposure), caps.warn()));
-            Ok((displayed(reduced, view.exposure, plan.display), note))
+            Ok((displayed(reduced, view.exposure, night.plan.display), note))
         }
         PreviewContent::Map {
             width,

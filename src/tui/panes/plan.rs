@@ -7,10 +7,11 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
 use super::pane;
-use crate::experiment::{CellRef, WaveRow};
+use crate::experiment::night::run::RunState;
+use crate::experiment::night::state_counts::StateCounts;
+use crate::experiment::{CellRef, Outcome, WaveRow};
 use crate::tui::format;
 use crate::tui::model::column::Column;
-use crate::tui::model::entry::{EntryState, PlanEntry, StateCounts};
 use crate::tui::model::eta;
 use crate::tui::model::night::NightModel;
 use crate::tui::model::plan_rows::{CellGroup, PlanRow};
@@ -55,11 +56,7 @@ fn numbers(model: &NightModel, view: &View) -> Vec<Numbers> {
         text,
     };
     let mut numbers = vec![column("spp", 5, Box::new(|row| format::count(row.samples)))];
-    let metrics = model
-        .plan
-        .as_ref()
-        .map_or(&[][..], |plan| &plan.metrics[..]);
-    if let Some(metric) = metrics.get(view.metric) {
+    if let Some(metric) = model.metrics().get(view.metric) {
         let index = view.metric;
         let text = move |row: &WaveRow| {
             row.metrics
@@ -84,10 +81,10 @@ fn numbers(model: &NightModel, view: &View) -> Vec<Numbers> {
 /// Draws the plan pane.
 pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
     let caps = view.caps;
-    let counts = StateCounts::from_entries(&model.cells);
+    let counts = StateCounts::of_runs(&model.night.runs);
     let mut title = vec![Span::styled(" Plan ", caps.strong())];
-    if let Some(plan) = &model.plan {
-        let skipped = plan.skipped;
+    if let Some(night) = model.planned() {
+        let skipped = night.plan.skipped;
         let left_out = if skipped > 0 {
             format!(", {skipped} skipped")
         } else {
@@ -107,7 +104,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
     let block = pane(caps, Line::from(title));
     let inner = block.inner(area);
     frame.render_widget(block, area);
-    if model.plan.is_none() {
+    if model.planned().is_none() {
         frame.render_widget(
             Paragraph::new("waiting for the plan").style(caps.dim()),
             inner,
@@ -185,7 +182,11 @@ impl<'m> Table<'m> {
         };
         let needed = |numbers: &[Numbers]| numbers.iter().map(|n| n.width + 1).sum::<usize>();
         // The name of a reference needs a minimum width even if cells have short labels.
-        let least = if model.references.is_empty() { 2 } else { 15 };
+        let least = if model.night.references.is_empty() {
+            2
+        } else {
+            15
+        };
         while numbers.len() > 1 && wanted(&axes).max(least) + needed(&numbers) > width {
             numbers.pop();
         }
@@ -248,7 +249,7 @@ impl<'m> Table<'m> {
     /// PlanRow of all references, which are finished.
     fn references(&self) -> Line<'static> {
         let (caps, glyphs) = (self.view.caps, self.view.caps.glyphs());
-        let count = self.model.references.len();
+        let count = self.model.night.references.len();
         Line::from(vec![
             Span::styled(glyphs.closed, caps.accent()),
             Span::raw(" references  "),
@@ -263,18 +264,14 @@ impl<'m> Table<'m> {
             return Line::default();
         };
         let (caps, glyphs) = (self.view.caps, self.view.caps.glyphs());
-        let state = |i: &usize| self.model.cells.get(*i).map(|entry| &entry.state);
-        let settled = group.cells.iter().filter_map(state);
-        let (mut done, mut failed, mut running) = (0, 0, false);
-        for state in settled {
-            match state {
-                EntryState::Done(_) | EntryState::Cached => done += 1,
-                EntryState::Failed(_) => failed += 1,
-                EntryState::Running => running = true,
-                EntryState::Waiting | EntryState::Interrupted => {}
-            }
-        }
-        let style = if running { caps.strong() } else { Style::new() };
+        let state = |i: &usize| self.model.night.state(CellRef::Cell(*i));
+        let counts = StateCounts::of(group.cells.iter().filter_map(state));
+        let (done, failed) = (counts.done + counts.cached, counts.failed);
+        let style = if counts.running > 0 {
+            caps.strong()
+        } else {
+            Style::new()
+        };
         let mut line = Line::from(vec![
             Span::styled(
                 if open { glyphs.open } else { glyphs.closed },
@@ -297,42 +294,43 @@ impl<'m> Table<'m> {
 
     /// PlanRow of a reference or a cell.
     fn row(&self, cell: CellRef) -> Line<'static> {
-        let Some(entry) = self.model.entry(cell) else {
+        let Some(state) = self.model.night.state(cell) else {
             return Line::default();
         };
+        let last = self.model.night.last_row(cell);
         let label = self.label(cell);
-        let (glyph, style) = self.sign(entry);
-        let text = match entry.state {
-            EntryState::Waiting => self.view.caps.dim(),
-            EntryState::Running => self.view.caps.strong(),
+        let (glyph, style) = self.sign(state);
+        let text = match state {
+            RunState::Pending => self.view.caps.dim(),
+            RunState::Running => self.view.caps.strong(),
             _ => Style::new(),
         };
         let mut spans = vec![Span::styled(glyph, style), Span::raw(" ")];
-        if let EntryState::Failed(reason) = &entry.state {
+        if let RunState::Ended(Outcome::Failed(reason)) = state {
             let label = format!("{label}  ");
             let room = self.width.saturating_sub(2 + format::width(&label));
             spans.push(Span::styled(label, text));
             spans.push(Span::styled(
-                format::fit(reason, room, self.view.caps.glyphs().ellipsis),
+                format::fit(
+                    &format::clean(reason),
+                    room,
+                    self.view.caps.glyphs().ellipsis,
+                ),
                 style,
             ));
             return Line::from(spans);
         }
-        let running = matches!(entry.state, EntryState::Running);
-        let progress = self.shards(cell).or_else(|| {
-            if running {
-                self.progress(cell, entry)
-            } else {
-                None
-            }
-        });
+        let running = *state == RunState::Running;
+        let progress = self
+            .shards(cell)
+            .or_else(|| if running { self.progress(cell) } else { None });
         let with_progress = progress.map(|percent| format!("{label}  {percent}"));
         let label = with_progress
             .filter(|text| format::width(text) <= self.label)
             .unwrap_or(label);
         let mut line = self.padded(&label);
         for n in &self.numbers {
-            let value = entry.last.as_deref().map_or_else(String::new, &n.text);
+            let value = last.map_or_else(String::new, &n.text);
             line.push_str(&format!(" {value:>width$}", width = n.width));
         }
         spans.push(Span::styled(line, text));
@@ -342,11 +340,7 @@ impl<'m> Table<'m> {
     /// Label of a cell (its values in the axis columns) or of a reference (its longest name that
     /// fits).
     fn label(&self, cell: CellRef) -> String {
-        let name = self
-            .model
-            .plan
-            .as_ref()
-            .map_or_else(String::new, |plan| format::cell_name(plan, cell));
+        let name = format::cell_name(&self.model.night, cell);
         match cell {
             CellRef::Cell(i) if !self.axes.is_empty() => {
                 self.axis_texts(|column| column.values.get(i).map_or("", String::as_str))
@@ -357,16 +351,13 @@ impl<'m> Table<'m> {
                 // The number of finished shards is more useful than the full name.
                 let shards = self.shards(cell).map_or(0, |text| 2 + text.len());
                 let room = self.label.saturating_sub(shards);
-                let plan = self.model.plan.as_ref();
-                let values = plan
-                    .and_then(|plan| plan.references.get(i))
-                    .map(|reference| {
-                        let values = reference.values.iter().map(|(_, value)| value.as_str());
-                        std::iter::once(technique)
-                            .chain(values)
-                            .collect::<Vec<_>>()
-                            .join(" ")
-                    });
+                let values = self.model.night.references.get(i).map(|reference| {
+                    let values = reference.values.iter().map(|(_, value)| value.as_str());
+                    std::iter::once(technique)
+                        .chain(values)
+                        .collect::<Vec<_>>()
+                        .join(" ")
+                });
                 let names = [
                     format!("reference {name}"),
                     format!("reference {}", values.unwrap_or_default()),
@@ -387,20 +378,21 @@ impl<'m> Table<'m> {
     }
 
     /// Completed part of a running cell's stop rule, in per cent.
-    fn progress(&self, cell: CellRef, entry: &PlanEntry) -> Option<String> {
-        let fraction = eta::fraction(self.model.stop_rule(cell)?, entry.last.as_deref()?)?;
+    fn progress(&self, cell: CellRef) -> Option<String> {
+        let last = self.model.night.last_row(cell)?;
+        let fraction = eta::fraction(self.model.stop_rule(cell)?, last)?;
         Some(format!("{:.0} %", (fraction * 100.0).floor()))
     }
 
-    fn sign(&self, entry: &PlanEntry) -> (&'static str, Style) {
+    fn sign(&self, state: &RunState) -> (&'static str, Style) {
         let (caps, glyphs) = (self.view.caps, self.view.caps.glyphs());
-        match entry.state {
-            EntryState::Waiting => (glyphs.waiting, caps.dim()),
-            EntryState::Running => (glyphs.running, caps.accent()),
-            EntryState::Done(_) => (glyphs.done, caps.good()),
-            EntryState::Cached => (glyphs.cached, caps.good()),
-            EntryState::Failed(_) => (glyphs.failed, caps.bad()),
-            EntryState::Interrupted => (glyphs.interrupted, caps.warn()),
+        match state {
+            RunState::Pending | RunState::Damaged(_) => (glyphs.waiting, caps.dim()),
+            RunState::Running => (glyphs.running, caps.accent()),
+            RunState::Ended(Outcome::Done(_)) => (glyphs.done, caps.good()),
+            RunState::Ended(Outcome::Cached(_)) => (glyphs.cached, caps.good()),
+            RunState::Ended(Outcome::Failed(_)) => (glyphs.failed, caps.bad()),
+            RunState::Ended(Outcome::Interrupted) => (glyphs.interrupted, caps.warn()),
         }
     }
 }

@@ -6,7 +6,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
 use super::{pane, picture};
-use crate::experiment::PlanOutline;
+use crate::experiment::Night;
 use crate::tui::format;
 use crate::tui::model::night::NightModel;
 use crate::tui::model::strategy_thumbnails::{StrategyThumbnail, StrategyThumbnails};
@@ -17,7 +17,7 @@ use crate::tui::view::View;
 pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
     let caps = view.caps;
     let mut title = vec![Span::styled(" Strategies ", caps.strong())];
-    let (Some(thumbnails), Some(plan)) = (&model.thumbnails, &model.plan) else {
+    let (Some(thumbnails), Some(night)) = (&model.thumbnails, model.planned()) else {
         let block = pane(caps, Line::from(title));
         let inner = block.inner(area);
         frame.render_widget(block, area);
@@ -34,7 +34,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
         },
         caps.warn(),
     ));
-    let name = format::cell_name(plan, thumbnails.cell);
+    let name = format::cell_name(night, thumbnails.cell);
     let room = usize::from(area.width).saturating_sub(30);
     title.push(Span::styled(
         format!("{} ", format::fit(&name, room, caps.glyphs().ellipsis)),
@@ -47,7 +47,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
     let block = pane(caps, Line::from(title)).title_bottom(key.right_aligned());
     let inner = block.inner(area);
     frame.render_widget(block, area);
-    pyramid(frame, inner, view, thumbnails, plan);
+    pyramid(frame, inner, view, thumbnails, night);
 }
 
 /// Draws the thumbnails with the selected weighting.
@@ -56,7 +56,7 @@ fn pyramid(
     inner: Rect,
     view: &View,
     thumbnails: &StrategyThumbnails,
-    plan: &PlanOutline,
+    night: &Night,
 ) {
     let caps = view.caps;
     let films: Vec<&StrategyThumbnail> = thumbnails
@@ -90,7 +90,14 @@ fn pyramid(
             width: width - 1,
             height: height - 1,
         };
-        picture::draw_image(frame, at, caps, &film.image, view.exposure, plan.display);
+        picture::draw_image(
+            frame,
+            at,
+            caps,
+            &film.image,
+            view.exposure,
+            night.plan.display,
+        );
         let label = format!("s{} t{}", film.s, film.t);
         let label =
             Line::styled(format::fit(&label, usize::from(at.width), ""), caps.dim()).centered();

@@ -15,7 +15,7 @@ use lumbre_light::film::time::time_unit;
 pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
     let caps = view.caps;
     let mut title = vec![Span::styled(" Time ", caps.strong())];
-    let (Some(time_preview), Some(plan)) = (&model.time_preview, &model.plan) else {
+    let (Some(time_preview), Some(night)) = (&model.time_preview, model.planned()) else {
         let block = pane(caps, Line::from(title));
         let inner = block.inner(area);
         frame.render_widget(block, area);
@@ -29,7 +29,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
     if view.playing.is_some() {
         title.push(Span::styled("playing ", caps.warn()));
     }
-    let name = format::cell_name(plan, time_preview.cell);
+    let name = format::cell_name(night, time_preview.cell);
     let room = usize::from(area.width).saturating_sub(18);
     title.push(Span::styled(
         format!("{} ", format::fit(&name, room, caps.glyphs().ellipsis)),
@@ -56,7 +56,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
         caps,
         time_preview.frame(shown),
         time_preview.stops + view.exposure,
-        plan.display,
+        night.plan.display,
     );
     let width = usize::from(bar_at.width);
     let full = ((shown + 1) * width / time_preview.frame_count()).clamp(1, width.max(1));
@@ -86,7 +86,7 @@ fn position_line(
         caps.accent(),
     ));
     let timing = model
-        .config(time_preview.cell)
+        .settings(time_preview.cell)
         .and_then(|config| config.timing.as_ref());
     if let Some(seconds) = timing.and_then(|timing| timing.seconds()) {
         let (unit, name) = time_unit(begin * seconds);

@@ -5,9 +5,9 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
+use crate::experiment::night::state_counts::StateCounts;
 use crate::tui::command;
 use crate::tui::format;
-use crate::tui::model::entry::StateCounts;
 use crate::tui::model::eta::Eta;
 use crate::tui::model::night::NightModel;
 use crate::tui::modes::Focus;
@@ -19,11 +19,11 @@ const SILENCE_S: f64 = 60.0;
 
 /// Name of the night's folder: the plan's name and the first digits of its hash.
 pub fn night_name(model: &NightModel) -> String {
-    model.plan.as_ref().map_or_else(
+    model.planned().map_or_else(
         || "no plan yet".to_owned(),
-        |plan| {
-            let digits: String = plan.hash.chars().take(4).collect();
-            format::clean(&format!("{}-{digits}", plan.name))
+        |night| {
+            let digits: String = night.plan.hash.chars().take(4).collect();
+            format::clean(&format!("{}-{digits}", night.plan.name))
         },
     )
 }
@@ -31,7 +31,7 @@ pub fn night_name(model: &NightModel) -> String {
 /// State of the night in a few words.
 fn status(model: &NightModel, view: &View) -> (&'static str, Style) {
     let caps = view.caps;
-    if model.plan.is_none() {
+    if model.planned().is_none() {
         ("starting", caps.dim())
     } else if model.finished_s.is_some() {
         ("finished", caps.good())
@@ -62,11 +62,11 @@ pub fn time_left(caps: TerminalCaps, eta: Eta) -> String {
 fn facts(model: &NightModel, view: &View) -> Vec<(String, Style)> {
     let caps = view.caps;
     let mut facts = Vec::new();
-    if model.plan.is_none() {
+    if model.planned().is_none() {
         return facts;
     }
-    let cells = StateCounts::from_entries(&model.cells);
-    let references = StateCounts::from_entries(&model.references);
+    let cells = StateCounts::of_runs(&model.night.runs);
+    let references = StateCounts::of_references(&model.night.references);
     facts.push((
         format!("{}/{} cells", cells.settled(), cells.total()),
         caps.strong(),
@@ -75,7 +75,8 @@ fn facts(model: &NightModel, view: &View) -> Vec<(String, Style)> {
     if failed > 0 {
         facts.push((format!("{failed} failed"), caps.bad()));
     }
-    match model.contradicted.len() {
+    let all = model.night.references.iter();
+    match all.filter(|reference| reference.is_contradicted()).count() {
         0 => {}
         1 => facts.push(("1 bias check failed".to_owned(), caps.bad())),
         n => facts.push((format!("{n} bias checks failed"), caps.bad())),
@@ -217,7 +218,7 @@ fn key_hints(model: &NightModel, view: &View) -> Vec<(String, &'static str)> {
         ("e/E", "exposure"),
         ("g", "tree"),
     ];
-    let metrics = model.plan.as_ref().map_or(0, |plan| plan.metrics.len());
+    let metrics = model.metrics().len();
     let digits = (metrics > 1).then(|| (format!("1-{}", metrics.min(9)), "metric"));
     let owned = |(key, text): &(&str, &'static str)| ((*key).to_owned(), *text);
     let screen = screen.iter().map(owned);

@@ -161,10 +161,13 @@ impl InputEvents {
     /// If the terminal is gone.
     pub fn pending(&self, wait: Duration) -> io::Result<Vec<Event>> {
         let mut events = Vec::new();
-        let mut left = match self.keyboard.wait(wait)? {
-            Waited::Input => Some(Duration::ZERO),
+        let waited = self.keyboard.wait(wait)?;
+        let size = terminal::size()?;
+        // crossterm would lose a key that comes before it has noticed a change of the size.
+        let mut left = match waited {
             Waited::Unknown => Some(wait),
-            Waited::TimedOut => None,
+            Waited::TimedOut if self.size.get() == size => None,
+            Waited::TimedOut | Waited::Input => Some(Duration::ZERO),
         };
         while let Some(wait) = left
             && event::poll(wait)?
@@ -174,8 +177,7 @@ impl InputEvents {
             self.keyboard.wait(Duration::ZERO)?;
             left = Some(Duration::ZERO);
         }
-        // crossterm reports a change only when it is called.
-        let size = terminal::size()?;
+        // A change from before its first call is unknown to crossterm.
         if self.size.replace(size) != size {
             events.push(Event::Resize(size.0, size.1));
         }

@@ -99,7 +99,7 @@ mod tests {
         let mut update = |model: &mut NightModel, now_s: f64| {
             if now_s > 0.3 && updates == 0 {
                 updates = 1;
-                model.log(crate::experiment::outcome::Level::Info, None, "news", now_s);
+                model.log(crate::experiment::outcome::Level::Info, "news", now_s);
             }
         };
         let drawn = draw_for(

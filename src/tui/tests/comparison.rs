@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::night::{NightBuilder, plan_over};
 use super::screens::{RICH, screen, view};
 use crate::experiment::plan::Plan;
-use crate::experiment::{CellRef, EndCause, Outcome, PlanOutline};
+use crate::experiment::{CellRef, EndCause, Night, Outcome};
 use crate::tui::modes::Focus;
 use crate::tui::view::View;
 use lumbre_light::value::Value;
@@ -64,9 +64,9 @@ fn references_are_named_by_what_distinguishes_them() {
     for (index, cell) in plan.cells.iter_mut().enumerate() {
         cell.reference = Some(index);
     }
-    let outline = PlanOutline::from_plan(&plan);
+    let night = Night::planned(&plan);
     assert_eq!(
-        outline.reference_name(1),
+        night.reference_name(1),
         "bpt of cornell.scn, depth=3 technique=nee"
     );
     // Cells of one depth share a reference: the technique does not distinguish references.
@@ -74,8 +74,8 @@ fn references_are_named_by_what_distinguishes_them() {
     for (index, cell) in plan.cells.iter_mut().enumerate() {
         cell.reference = Some(index / 2);
     }
-    let outline = PlanOutline::from_plan(&plan);
-    assert_eq!(outline.reference_name(1), "bpt of cornell.scn, depth=5");
+    let night = Night::planned(&plan);
+    assert_eq!(night.reference_name(1), "bpt of cornell.scn, depth=5");
 }
 
 #[test]

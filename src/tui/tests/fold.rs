@@ -7,11 +7,11 @@ use proptest::prelude::*;
 
 use super::night::{self, NightBuilder, in_the_middle};
 use super::screens::{RICH, screen};
+use crate::experiment::night::state_counts::StateCounts;
 use crate::experiment::outcome::Level;
 use crate::experiment::shards::Shard;
-use crate::experiment::{CellRef, EndCause, Event, Outcome};
+use crate::experiment::{CellRef, EndCause, Event, Night, Outcome};
 use crate::tui::model::curve::CAPACITY;
-use crate::tui::model::entry::{EntryState, StateCounts};
 use crate::tui::model::night::{MESSAGES, NightModel};
 use crate::tui::view::View;
 use lumbre_render::OpenStats;
@@ -22,6 +22,11 @@ fn any_cell() -> impl Strategy<Value = CellRef> {
         (0usize..6).prop_map(CellRef::Cell),
         (0usize..2).prop_map(CellRef::Reference)
     ]
+}
+
+fn night_started() -> Event {
+    let night = Arc::new(Night::planned(&night::plan()));
+    Event::NightStarted { night }
 }
 
 fn any_outcome() -> impl Strategy<Value = Outcome> {
@@ -43,22 +48,18 @@ fn any_event() -> impl Strategy<Value = Event> {
     ];
     let rows = (0u32..40, proptest::collection::vec(number, 0..5));
     prop_oneof![
-        1 => Just(()).prop_map(|()| Event::NightStarted { plan: night::plan() }),
+        1 => Just(()).prop_map(|()| night_started()),
         4 => any_cell().prop_map(|cell| Event::CellStarted {
-            cell, open: OpenStats::default(), reference: None, resumed: Default::default(),
+            cell, open: OpenStats::default(), reference: None, resumed: None, settings: None,
         }),
         8 => (any_cell(), rows).prop_map(|(cell, (k, metrics))| {
             let mut row = night::row(k);
             row.metrics = metrics;
-            Event::Wave { cell, row, measure_s: 0.0, image: night::picture(1), noise: None, pow2: k % 2 == 0 }
+            Event::Wave { cell, row, measure_s: 0.0, image: Some(night::picture(1)), noise: None, pow2: k % 2 == 0 }
         }),
         4 => (any_cell(), any_outcome(), proptest::option::of(0u32..10)).prop_map(|parts| {
             let (cell, outcome, last) = parts;
-            let rows = last.map_or_else(Vec::new, |k| vec![night::row(k)]);
-            Event::CellFinished {
-                cell, outcome, film: None, denoised: None, layers: Arc::default(), times: None,
-                rows: Arc::new(rows),
-            }
+            Event::ended(cell, outcome, last.map(night::row).into_iter().collect())
         }),
         2 => (any_cell(), ".{0,30}").prop_map(|(cell, text)| {
             Event::Message { level: Level::Warn, cell: Some(cell), text }
@@ -93,9 +94,10 @@ proptest! {
             model.receive(event, i as f64);
         }
         prop_assert_eq!(model.revision, events.len() as u64);
-        if let Some(plan) = &model.plan {
-            prop_assert_eq!(StateCounts::from_entries(&model.cells).total(), plan.cells.len());
-            let references = StateCounts::from_entries(&model.references);
+        if model.planned().is_some() {
+            let plan = night::plan();
+            prop_assert_eq!(StateCounts::of_runs(&model.night.runs).total(), plan.cells.len());
+            let references = StateCounts::of_references(&model.night.references);
             prop_assert_eq!(references.total(), plan.references.len());
         }
         for eta in [model.cell_eta(99.0), model.night_eta(99.0)].into_iter().flatten() {
@@ -109,7 +111,7 @@ proptest! {
 #[test]
 fn a_night_in_the_middle_has_the_expected_state() {
     let (model, now_s) = in_the_middle().model();
-    let counts = StateCounts::from_entries(&model.cells);
+    let counts = StateCounts::of_runs(&model.night.runs);
     assert_eq!(
         counts,
         StateCounts {
@@ -121,15 +123,15 @@ fn a_night_in_the_middle_has_the_expected_state() {
         }
     );
     assert_eq!(
-        StateCounts::from_entries(&model.references),
+        StateCounts::of_references(&model.night.references),
         StateCounts {
             done: 1,
             ..StateCounts::default()
         }
     );
     assert_eq!(
-        model.entry(CellRef::Cell(0)).unwrap().state,
-        EntryState::Done("rmse < 0.01".into())
+        model.night.outcome(CellRef::Cell(0)),
+        Some(&Outcome::Done(EndCause::other("rmse < 0.01")))
     );
     let current = model.current.as_ref().unwrap();
     assert_eq!(
@@ -185,7 +187,7 @@ fn memory_stays_flat() {
                 cell,
                 row,
                 measure_s: 0.0,
-                image: image.clone(),
+                image: Some(image.clone()),
                 noise: None,
                 pow2: false,
             },
@@ -209,12 +211,14 @@ fn memory_stays_flat() {
 fn a_second_night_resets_the_state_except_the_log() {
     let (mut model, _) = in_the_middle().model();
     let messages = model.messages.len();
-    model.receive(
-        &Event::NightStarted {
-            plan: night::plan(),
-        },
-        100.0,
-    );
-    assert_eq!(StateCounts::from_entries(&model.cells).waiting, 4);
-    assert!(model.current.is_none() && model.messages.len() == messages);
+    model.receive(&night_started(), 100.0);
+    assert_eq!(StateCounts::of_runs(&model.night.runs).waiting, 4);
+    let is_running = |model: &NightModel| model.current.as_ref().map(|current| current.running);
+    assert_eq!(is_running(&model), Some(false), "its picture stays");
+    let mut other = night::plan();
+    Arc::make_mut(&mut other).hash = "77aa".to_owned();
+    let night = Arc::new(Night::planned(&other));
+    model.receive(&Event::NightStarted { night }, 200.0);
+    assert_eq!(is_running(&model), None, "another plan has other pictures");
+    assert_eq!(model.messages.len(), messages);
 }

@@ -114,7 +114,7 @@ fn a_running_cell_prints_lines_at_limited_intervals() {
             cell,
             row,
             measure_s: 0.0,
-            image: night::picture(1),
+            image: Some(night::picture(1)),
             noise: None,
             pow2: i.is_power_of_two(),
         };

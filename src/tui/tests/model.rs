@@ -33,7 +33,8 @@ fn a_night_that_begins_again_has_not_ended() {
         .finish(CellRef::Cell(0), Some(2), done());
     let (mut model, now_s) = night.end().model();
     assert!(model.finished_s.is_some());
-    model.begin_next_night(now_s + 1.0);
+    let night = Arc::new(model.night.again());
+    model.receive(&Event::NightStarted { night }, now_s + 1.0);
     assert_eq!(
         (model.started_s, model.finished_s),
         (Some(now_s + 1.0), None)
@@ -60,7 +61,7 @@ fn the_noise_floor_is_that_of_the_reference_of_the_run() {
     let (mut model, _) = night.model();
     for (reference, floor) in [(0, 0.25), (1, 0.5)] {
         let floors = Arc::new(vec![Some(floor), None, None]);
-        model.noise_floors.insert(reference, floors);
+        model.receive(&Event::NoiseFloors { reference, floors }, 2.0);
     }
     assert_eq!(model.noise_floor(0), Some(0.25));
     assert_eq!(model.noise_floor(1), None);

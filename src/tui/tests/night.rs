@@ -10,7 +10,9 @@ use crate::experiment::outcome::Level;
 use crate::experiment::plan::{CellIdentity, Reference, ReferenceSource, Skipped};
 use crate::experiment::spec::{MeasureSpec, Snapshots};
 use crate::experiment::stop::Comparison;
-use crate::experiment::{Cell, CellRef, EndCause, Event, Outcome, Plan, RunId, StopRule, WaveRow};
+use crate::experiment::{
+    Cell, CellRef, EndCause, Event, Night, Outcome, Plan, RunId, StopRule, WaveRow,
+};
 use crate::tui::model::night::NightModel;
 use lumbre_light::film::{Image, SharedImage};
 use lumbre_light::scene::SceneDesc;
@@ -210,8 +212,9 @@ pub struct NightBuilder {
 impl NightBuilder {
     /// Begins a night of `plan`.
     pub fn new(plan: Arc<Plan>) -> NightBuilder {
+        let night = Arc::new(Night::planned(&plan));
         NightBuilder {
-            events: vec![(Event::NightStarted { plan }, 0.2)],
+            events: vec![(Event::NightStarted { night }, 0.2)],
             clock_s: 0.2,
         }
     }
@@ -249,7 +252,8 @@ impl NightBuilder {
                 cell,
                 open,
                 reference: reference.clone(),
-                resumed: Default::default(),
+                resumed: None,
+                settings: None,
             },
             start,
         ));
@@ -264,7 +268,7 @@ impl NightBuilder {
                 cell,
                 row,
                 measure_s: 0.001,
-                image,
+                image: Some(image),
                 noise: None,
                 pow2: true,
             };
@@ -285,15 +289,7 @@ impl NightBuilder {
         if matches!(cell, CellRef::Reference(_)) {
             rows.iter_mut().for_each(|row| row.metrics.clear());
         }
-        let event = Event::CellFinished {
-            cell,
-            outcome,
-            film: None,
-            denoised: None,
-            layers: Arc::default(),
-            times: None,
-            rows: Arc::new(rows),
-        };
+        let event = Event::ended(cell, outcome, rows);
         self.events.push((event, self.clock_s));
         self
     }

@@ -28,7 +28,7 @@ fn drawn(
         cell: CellRef::Cell(0),
         row: night::row(0),
         measure_s: 0.0,
-        image: Arc::new(image),
+        image: Some(Arc::new(image)),
         noise: None,
         pow2: true,
     };
@@ -176,8 +176,15 @@ fn without_colours_or_half_blocks_pictures_use_characters_or_spaces() {
 #[test]
 fn graphics_terminals_receive_every_pixel() {
     let mut model: NightModel = NightBuilder::new(night::plan()).model().0;
-    model.add_wave(CellRef::Cell(0), &night::row(0), 0.0, 1.0);
-    model.set_image(CellRef::Cell(0), night::picture(16));
+    let wave = Event::Wave {
+        cell: CellRef::Cell(0),
+        row: night::row(0),
+        measure_s: 0.0,
+        image: Some(night::picture(16)),
+        noise: None,
+        pow2: true,
+    };
+    model.receive(&wave, 1.0);
     let first = |graphics| {
         let mut terminal = Terminal::new(TestBackend::new(22, 12)).unwrap();
         let view = View {

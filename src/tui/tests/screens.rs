@@ -6,17 +6,18 @@ use ratatui::backend::TestBackend;
 use std::sync::Arc;
 
 use super::night::{self, NightBuilder, in_the_middle};
+use crate::experiment::night::reference::BiasCheckSummary;
+use crate::experiment::night::run::RunState;
 use crate::experiment::outcome::Level;
 use crate::experiment::shards::Shard;
 use crate::experiment::{CellRef, EndCause, Event, Outcome};
-use crate::tui::model::entry::EntryState;
 use crate::tui::model::night::NightModel;
-use crate::tui::model::strategy_thumbnails::StrategyThumbnail;
 use crate::tui::model::worker_list::WorkerLine;
 use crate::tui::modes::{ChartX, Focus, PictureMode};
 use crate::tui::panes;
 use crate::tui::terminal::terminal_caps::{Colors, TerminalCaps};
 use crate::tui::view::{Notice, PendingRequests, Prompt, View};
+use lumbre_light::film::layer::{Layer, LayerFilm, LayerImage, PathSubset};
 use lumbre_render::OpenStats;
 
 pub const RICH: TerminalCaps = TerminalCaps {
@@ -180,7 +181,7 @@ fn invalid_samples_are_shown_with_their_position() {
         cell: CellRef::Cell(2),
         row,
         measure_s: 0.0,
-        image,
+        image: Some(image),
         noise: None,
         pow2: true,
     };
@@ -287,10 +288,15 @@ fn every_picture_mode_is_drawn() {
     assert!(draw(&model, PictureMode::Strategies).contains("No strategy films yet"));
     for (s, t) in [(0, 2), (1, 1), (0, 3), (1, 2), (2, 1)] {
         for weighted in [true, false] {
-            model.add_strategy_thumbnail(
-                CellRef::Cell(0),
-                StrategyThumbnail::from_film(s, t, weighted, &night::picture(64)),
-            );
+            let film = LayerFilm {
+                layer: Layer::Strategies,
+                subset: PathSubset::Strategy { s, t, weighted },
+                splats: true,
+            };
+            let image = (*night::picture(64)).clone();
+            let layer = Arc::new(LayerImage { film, image });
+            let cell = CellRef::Cell(0);
+            model.receive(&Event::Layer { cell, layer }, now_s);
         }
     }
     assert_snapshot!("strategies-80", draw(&model, PictureMode::Strategies));
@@ -360,7 +366,11 @@ fn the_noise_floor_is_marked_in_the_chart() {
         screen((100, 30), model, &view)
     };
     assert!(!chart(&model, 0).contains("reference noise floor"));
-    model.set_noise_floors(0, Arc::new(vec![Some(0.012), None, Some(1e9)]));
+    let floors = Event::NoiseFloors {
+        reference: 0,
+        floors: Arc::new(vec![Some(0.012), None, Some(1e9)]),
+    };
+    model.receive(&floors, now_s);
     assert!(chart(&model, 0).contains("reference noise floor"));
     assert!(
         !chart(&model, 1).contains("reference noise floor"),
@@ -383,18 +393,28 @@ fn a_failed_bias_check_is_shown_in_the_title() {
             .to_owned()
     };
     assert!(!first(&model).contains("bias check"));
-    model.set_bias_check(0, false);
+    let checked = |agrees| Event::BiasCheck {
+        reference: 0,
+        check: BiasCheckSummary {
+            technique: "nee".to_owned(),
+            agrees,
+            finding: String::new(),
+        },
+        compared: None,
+    };
+    model.receive(&checked(false), now_s);
     assert!(
         first(&model).contains("1 bias check failed"),
         "{}",
         first(&model)
     );
-    model.begin_next_night(now_s);
+    let night = Arc::new(model.night.again());
+    model.receive(&Event::NightStarted { night }, now_s);
     assert!(
         first(&model).contains("1 bias check failed"),
         "it remains in the next night"
     );
-    model.set_bias_check(0, true);
+    model.receive(&checked(true), now_s);
     assert!(!first(&model).contains("bias check"));
 }
 
@@ -420,14 +440,8 @@ fn a_night_of_many_workers() {
 
 #[test]
 fn a_sharded_reference_shows_its_finished_shards() {
-    let mut model = NightModel::default();
+    let (mut model, _) = NightBuilder::new(night::plan()).model();
     let reference = CellRef::Reference(0);
-    model.receive(
-        &Event::NightStarted {
-            plan: night::plan(),
-        },
-        0.0,
-    );
     let shard = |number| Shard {
         reference: 0,
         first: 0,
@@ -458,26 +472,16 @@ fn a_sharded_reference_shows_its_finished_shards() {
     model.receive(&started(3), 2.0);
     model.receive(&ended(3, Outcome::Interrupted), 3.0);
     assert_eq!(
-        (model.shard_progress(reference), &model.references[0].state),
-        (Some((1, 3)), &EntryState::Waiting)
+        (
+            model.shard_progress(reference),
+            model.night.state(reference)
+        ),
+        (Some((1, 3)), Some(&RunState::Pending))
     );
     assert!(shown(&model).contains("1/3 shards"), "{}", shown(&model));
     // A complete reference no longer shows its shards.
-    let rows = Arc::default();
     let outcome = Outcome::Done(EndCause::other("24 spp"));
-    let cell = reference;
-    model.receive(
-        &Event::CellFinished {
-            cell,
-            outcome,
-            film: None,
-            denoised: None,
-            layers: Arc::default(),
-            times: None,
-            rows,
-        },
-        4.0,
-    );
+    model.receive(&Event::ended(reference, outcome, Vec::new()), 4.0);
     assert_eq!(model.shard_progress(reference), None);
     assert!(!shown(&model).contains("shards"));
 }

@@ -1,9 +1,7 @@
 //! The significance of the A/A check, by pairs of runs whose p-values are known.
 
-use std::sync::Arc;
-
 use lumbre::experiment::aa_check::{Finding, check};
-use lumbre::experiment::{Cell, CellRef, CellResult, EndCause, Outcome, WaveRow};
+use lumbre::experiment::{CellRef, EndCause, Event, Night, Outcome, WaveRow};
 
 use crate::experiment::fixtures::Lab;
 
@@ -28,7 +26,8 @@ fn findings(speed_p: f64, error_p: Option<f64>) -> Vec<Finding> {
         ratios_with_p(speed_p),
         ratios_with_p(error_p.unwrap_or(1.0)),
     );
-    let result = |(i, cell): (usize, &Cell)| {
+    let mut night = Night::planned(&plan);
+    for (i, cell) in plan.cells.iter().enumerate() {
         // A double differs from its original by the ratios of its pair.
         let ratio = |of: [f64; 3]| cell.double_of.map_or(1.0, |pair| of[pair as usize].exp());
         let row = WaveRow {
@@ -38,16 +37,10 @@ fn findings(speed_p: f64, error_p: Option<f64>) -> Vec<Finding> {
             metrics: vec![0.1 * ratio(error)],
             ..WaveRow::default()
         };
-        CellResult {
-            cell: CellRef::Cell(i),
-            outcome: Outcome::Done(EndCause::limit("16 samples")),
-            rows: Arc::new(vec![row]),
-            floors: Arc::default(),
-            open: Default::default(),
-        }
-    };
-    let results: Vec<CellResult> = plan.cells.iter().enumerate().map(result).collect();
-    check(&plan, &results)
+        let outcome = Outcome::Done(EndCause::limit("16 samples"));
+        night.apply(&Event::ended(CellRef::Cell(i), outcome, vec![row]));
+    }
+    check(&plan, &night)
 }
 
 #[test]

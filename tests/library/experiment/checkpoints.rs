@@ -16,7 +16,7 @@ use lumbre_light::film::{Film, Image};
 use lumbre_render::mock::{MockRenderer, SECONDS_PER_PATH};
 use lumbre_render::{Advance, OpenStats, RenderError, Renderer, WaveStats};
 
-use crate::experiment::fixtures::Lab;
+use crate::experiment::fixtures::{Lab, outcomes};
 
 /// Render time of a sample of [`Lab::new`] in seconds: that of 8x4 paths.
 const SAMPLE_S: f64 = 32.0 * SECONDS_PER_PATH;
@@ -122,7 +122,7 @@ fn a_run_that_ends_in_mid_wave_resumes_with_the_clock_of_its_checkpoint() {
         let failed = night(&lab, &history, &|_, scene, job| {
             Ok(Box::new(MockRenderer::new(scene, job).failing_after(limit)))
         });
-        assert!(matches!(failed.results[0].outcome, Outcome::Failed(_)));
+        assert!(matches!(outcomes(&failed)[0], Outcome::Failed(_)));
         if let Some(last) = history.written.borrow().last() {
             let (samples, clock) = (last.progress.samples(), last.progress.render_s());
             assert!((clock / (samples as f64 * SAMPLE_S) - 1.0).abs() < 1e-9);
@@ -131,7 +131,7 @@ fn a_run_that_ends_in_mid_wave_resumes_with_the_clock_of_its_checkpoint() {
         let whole = night(&lab, &history, &|_, scene, job| {
             Ok(Box::new(MockRenderer::new(scene, job)))
         });
-        let rows: &[WaveRow] = &whole.results[0].rows;
+        let rows: &[WaveRow] = &whole.night.runs[0].rows;
         let samples: Vec<u64> = rows.iter().map(|row| row.samples).collect();
         assert_eq!(samples, [1, 3, 7, 15, 16], "failed after {limit}");
         for row in rows {
@@ -168,7 +168,7 @@ fn checkpoint_clocks(
             sample_s,
         }))
     });
-    assert!(matches!(night.results[0].outcome, Outcome::Done(_)));
+    assert!(matches!(outcomes(&night)[0], Outcome::Done(_)));
     history.clocks()
 }
 

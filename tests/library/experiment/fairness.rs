@@ -17,7 +17,9 @@ use lumbre_render::Settings;
 use lumbre_render::mock::MockRenderer;
 use lumbre_render::{Advance, Job, OpenStats, RenderError, Renderer, WaveStats};
 
-use crate::experiment::fixtures::{Lab, Memory, Night, Recorder, at, config, ints, whole_at};
+use crate::experiment::fixtures::{
+    Lab, Memory, Night, Recorder, all_done, at, config, ints, outcomes, whole_at,
+};
 
 /// Returns three techniques at two depths.
 fn lab(order: Order) -> Lab {
@@ -252,12 +254,7 @@ fn the_lookahead_covers_only_samples_that_are_requested_next() {
 #[test]
 fn turns_go_to_the_run_with_the_least_render_time_and_change_no_picture() {
     let (summary, recorder, ..) = night(&lab(Order::Interleave), 0.0);
-    assert!(
-        summary
-            .results
-            .iter()
-            .all(|r| matches!(r.outcome, Outcome::Done(_)))
-    );
+    assert!(all_done(&summary));
     // Until the first run is done, no clock of the first comparison group is more than a turn and a
     // wave ahead of another.
     let mut clocks = [0.0; 3];
@@ -301,7 +298,7 @@ fn a_machine_that_slows_down_slows_interleaved_techniques_alike() {
         lab.spec.axes[1].steps.truncate(2);
         let (summary, ..) = night(&lab, 0.05);
         let rate = |i: usize| {
-            let last = summary.results[i].rows.last().unwrap();
+            let last = summary.night.runs[i].rows.last().unwrap();
             last.samples as f64 / last.render_s
         };
         rate(1) / rate(0)
@@ -341,10 +338,9 @@ fn a_failure_affects_one_run_of_a_group_and_a_skip_affects_its_first_run() {
         })
     });
     let (summary, ..) = night(&lab, 0.0);
-    let outcomes: Vec<&str> = summary
-        .results
+    let outcomes: Vec<&str> = outcomes(&summary)
         .iter()
-        .map(|r| match &r.outcome {
+        .map(|outcome| match outcome {
             Outcome::Done(_) => "done",
             Outcome::Failed(_) => "failed",
             _ => "other",
@@ -360,11 +356,10 @@ fn a_failure_affects_one_run_of_a_group_and_a_skip_affects_its_first_run() {
     let night = Night::default();
     let mut skip = SkipDuringSecondRun(&night.control, false);
     let summary = night.render(&lab, &plan, &mut [&mut skip]).unwrap();
-    let skipped: Vec<CellRef> = summary
-        .results
-        .iter()
-        .filter(|r| r.outcome == Outcome::Interrupted)
-        .map(|r| r.cell)
+    let night = summary.night;
+    let skipped: Vec<CellRef> = night
+        .all()
+        .filter(|cell| night.outcome(*cell) == Some(&Outcome::Interrupted))
         .collect();
     assert_eq!(skipped, [CellRef::Cell(0)]);
 }
@@ -403,16 +398,11 @@ fn interleaved_techniques_that_exceed_the_memory_fail_with_the_reason() {
             options,
         )
         .unwrap()
-        .results
     };
-    assert!(
-        night(estimate.interleaved_bytes)
-            .iter()
-            .all(|r| matches!(r.outcome, Outcome::Done(_)))
-    );
-    for result in night(estimate.interleaved_bytes - 1) {
-        let Outcome::Failed(reason) = &result.outcome else {
-            panic!("{:?}", result.outcome)
+    assert!(all_done(&night(estimate.interleaved_bytes)));
+    for outcome in outcomes(&night(estimate.interleaved_bytes - 1)) {
+        let Outcome::Failed(reason) = outcome else {
+            panic!("{outcome:?}")
         };
         assert!(
             reason.contains("3 interleaved techniques") && reason.contains("interleave"),
@@ -482,7 +472,7 @@ fn aa_checked(order: Order) -> (Vec<Finding>, Arc<Plan>) {
     lab.spec.aa_check = true;
     lab.spec.repeats = 5;
     let (summary, _, plan, _) = night(&lab, 0.002);
-    (check(&plan, &summary.results), plan)
+    (check(&plan, &summary.night), plan)
 }
 
 #[test]
@@ -535,18 +525,19 @@ fn the_aa_check_detects_a_machine_that_slows_down_unless_techniques_are_interlea
 fn a_single_pair_gives_no_p_value_and_a_plan_without_a_check_no_findings() {
     let mut lab = lab(Order::Sequential);
     lab.spec.aa_check = true;
-    let (summary, _, plan, _) = night(&lab, 0.0);
-    let findings = check(&plan, &summary.results);
+    let (mut summary, _, plan, _) = night(&lab, 0.0);
+    assert!(check(&self::lab(Order::Sequential).plan(), &summary.night).is_empty());
+    let findings = check(&plan, &summary.night);
     assert_eq!(
         (findings.len(), findings[0].pairs),
         (1, 2),
         "only speed is measured"
     );
-    let findings = check(&plan, &summary.results[..3]);
+    summary.night.runs.truncate(3);
+    let findings = check(&plan, &summary.night);
     assert_eq!(findings.len(), 1);
     assert!(
         findings[0].p.is_none() && findings[0].describe().contains("too few to judge by"),
         "{findings:?}"
     );
-    assert!(check(&self::lab(Order::Sequential).plan(), &summary.results).is_empty());
 }

@@ -337,8 +337,10 @@ pub fn label(event: &Event) -> String {
         }
         Event::NoiseFloors { reference, .. } => format!("floors r{reference}"),
         Event::BiasCheck {
-            reference, with, ..
-        } => format!("compared r{reference} r{with}"),
+            reference,
+            compared,
+            ..
+        } => format!("compared r{reference} r{}", compared.as_ref().unwrap().0),
         Event::Times { cell, .. } => format!("times {}", name(cell)),
         Event::Halves { reference, .. } => format!("halves r{reference}"),
         Event::ShardStarted { shard, .. } => format!("start r{} {}", shard.reference, shard.number),
@@ -354,7 +356,24 @@ pub fn label(event: &Event) -> String {
         }
         Event::Forecast(_) => "forecast".into(),
         Event::NightFinished => "night finished".into(),
+        Event::RunActive { .. }
+        | Event::ShardActive { .. }
+        | Event::Picture { .. }
+        | Event::Layer { .. } => unreachable!("only readers of a journal send {event:?}"),
     }
+}
+
+/// Returns the outcomes of references, then of cells, that have ended, in the order of the plan.
+pub fn outcomes(summary: &NightSummary) -> Vec<&Outcome> {
+    let night = &summary.night;
+    let outcomes = night.all().filter_map(|cell| night.outcome(cell));
+    outcomes.collect()
+}
+
+/// Returns whether all references and cells of the plan are done.
+pub fn all_done(summary: &NightSummary) -> bool {
+    let counts = summary.night.counts();
+    counts.done == counts.total()
 }
 
 /// Results of earlier nights, in memory.

@@ -10,7 +10,7 @@ use lumbre::experiment::{
     CellRef, Event, NightControls, NightSummary, Outcome, PauseAt, Sink, SinkError,
 };
 
-use crate::experiment::fixtures::{Lab, Night, Recorder, depths, label};
+use crate::experiment::fixtures::{Lab, Night, Recorder, all_done, depths, label, outcomes};
 
 /// Length of the pause in a test; all runs of the test together take a hundredth of it.
 const PAUSE: Duration = Duration::from_secs(2);
@@ -56,8 +56,8 @@ fn stop(control: &NightControls) {
 fn a_stop_ends_the_night_after_the_wave() {
     let (summary, recorder) = disturbed(&depths([1, 2, 3]), &Night::default(), "wave c1 3", stop);
     assert!(summary.interrupted);
-    assert_eq!(summary.results.len(), 2, "the third cell was never reached");
-    assert_eq!(summary.results[1].outcome, Outcome::Interrupted);
+    assert_eq!(summary.night.ended(), 2, "the third cell was never reached");
+    assert_eq!(*outcomes(&summary)[1], Outcome::Interrupted);
     assert_eq!(recorder.film(CellRef::Cell(1)).unwrap().samples, 3);
     assert_eq!(
         recorder.labels[recorder.labels.len() - 2..],
@@ -68,26 +68,21 @@ fn a_stop_ends_the_night_after_the_wave() {
 #[test]
 fn a_stop_in_the_wave_that_finishes_a_cell_leaves_it_finished() {
     let (summary, _) = disturbed(&depths([1, 2, 3]), &Night::default(), "wave c1 16", stop);
-    assert!(matches!(summary.results[1].outcome, Outcome::Done(_)));
+    assert!(matches!(outcomes(&summary)[1], Outcome::Done(_)));
     assert!(summary.interrupted, "the third cell was never reached");
     let (summary, _) = disturbed(&depths([1, 2, 3]), &Night::default(), "wave c2 16", stop);
-    assert!(
-        summary
-            .results
-            .iter()
-            .all(|r| matches!(r.outcome, Outcome::Done(_)))
-    );
+    assert!(all_done(&summary));
     assert!(!summary.interrupted, "all cells were done");
 }
 
 #[test]
 fn a_stop_before_the_first_wave_leaves_no_film() {
     let (summary, recorder) = disturbed(&depths([1, 2, 3]), &Night::default(), "start c0", stop);
-    assert_eq!(summary.results[0].outcome, Outcome::Interrupted);
+    assert_eq!(*outcomes(&summary)[0], Outcome::Interrupted);
     assert!(recorder.film(CellRef::Cell(0)).is_none());
     let (summary, recorder) =
         disturbed(&depths([1, 2, 3]), &Night::default(), "night started", stop);
-    assert!(summary.interrupted && summary.results.is_empty());
+    assert!(summary.interrupted && summary.night.ended() == 0);
     assert_eq!(recorder.labels, ["night started", "night finished"]);
 }
 
@@ -100,7 +95,7 @@ fn a_stop_during_a_reference_ends_the_night_before_its_cells() {
         stop,
     );
     assert!(summary.interrupted);
-    assert_eq!(summary.results.len(), 1);
+    assert_eq!(summary.night.ended(), 1);
     assert_eq!(recorder.labels.last().unwrap(), "night finished");
 }
 
@@ -112,13 +107,12 @@ fn a_skip_interrupts_one_cell_with_a_warning() {
         "wave c1 3",
         NightControls::request_skip,
     );
-    let done: Vec<bool> = summary
-        .results
+    let done: Vec<bool> = outcomes(&summary)
         .iter()
-        .map(|r| matches!(r.outcome, Outcome::Done(_)))
+        .map(|outcome| matches!(outcome, Outcome::Done(_)))
         .collect();
     assert_eq!(done, [true, false, true]);
-    assert_eq!(summary.results[1].outcome, Outcome::Interrupted);
+    assert_eq!(*outcomes(&summary)[1], Outcome::Interrupted);
     assert!(!summary.interrupted, "the night must continue");
     let messages = recorder.messages(Level::Warn);
     assert!(
@@ -135,12 +129,7 @@ fn a_skip_after_the_end_of_a_cell_does_not_affect_the_next_cell() {
         "done c0",
         NightControls::request_skip,
     );
-    assert!(
-        summary
-            .results
-            .iter()
-            .all(|r| matches!(r.outcome, Outcome::Done(_)))
-    );
+    assert!(all_done(&summary));
 }
 
 #[test]
@@ -151,12 +140,12 @@ fn cells_of_a_skipped_reference_fail() {
         "wave r0 15",
         NightControls::request_skip,
     );
-    assert_eq!(summary.results[0].outcome, Outcome::Interrupted);
+    assert_eq!(*outcomes(&summary)[0], Outcome::Interrupted);
     assert_eq!(
-        summary.results[3].outcome,
+        *outcomes(&summary)[3],
         Outcome::Failed("its reference is not available: it was interrupted".into())
     );
-    assert!(matches!(summary.results[4].outcome, Outcome::Done(_)));
+    assert!(matches!(outcomes(&summary)[4], Outcome::Done(_)));
 }
 
 #[test]
@@ -225,7 +214,7 @@ fn a_paused_night_obeys_a_stop() {
         pause_and_stop,
     );
     assert!(summary.interrupted);
-    assert_eq!(summary.results[0].outcome, Outcome::Interrupted);
+    assert_eq!(*outcomes(&summary)[0], Outcome::Interrupted);
 }
 
 #[test]
@@ -252,16 +241,11 @@ fn a_restart_renders_the_cell_from_its_first_sample() {
             &mut [&mut listener, &mut recorder],
         )
         .unwrap();
-    assert!(
-        summary
-            .results
-            .iter()
-            .all(|r| matches!(r.outcome, Outcome::Done(_)))
-    );
+    assert!(all_done(&summary));
     let starts = recorder.labels.iter().filter(|w| *w == "start c1").count();
     assert_eq!(starts, 2, "{:?}", recorder.labels);
-    let samples = |night: &NightSummary| {
-        night.results[1]
+    let samples = |summary: &NightSummary| {
+        summary.night.runs[1]
             .rows
             .iter()
             .map(|r| r.samples)
@@ -309,9 +293,9 @@ fn a_night_can_end_after_the_current_cell() {
         after_cell,
     );
     assert!(summary.interrupted);
-    assert_eq!(summary.results.len(), 2);
+    assert_eq!(summary.night.ended(), 2);
     assert!(
-        matches!(summary.results[1].outcome, Outcome::Done(_)),
+        matches!(outcomes(&summary)[1], Outcome::Done(_)),
         "the current cell must be finished"
     );
     assert_eq!(recorder.labels.last().unwrap(), "night finished");
@@ -328,7 +312,7 @@ fn a_night_can_end_after_the_current_cell() {
     };
     let (summary, _) = disturbed(&depths([1, 2, 3]), &Night::default(), "wave c1 3", twice);
     assert_eq!(
-        summary.results.len(),
+        summary.night.ended(),
         3,
         "the second call must cancel the first"
     );
@@ -363,8 +347,8 @@ fn a_pause_limit_pauses_the_night_once_at_the_first_measurement_after_it() {
         1,
     )
     .unwrap();
-    for result in &summary.results {
-        let wall_s = result.rows.last().unwrap().wall_s;
+    for run in &summary.night.runs {
+        let wall_s = run.rows.last().unwrap().wall_s;
         assert!(wall_s < PAUSE.as_secs_f64(), "{wall_s} s with the pause");
     }
     assert_eq!(

@@ -13,7 +13,9 @@ use lumbre_render::Settings;
 use lumbre_render::mock::MockRenderer;
 use lumbre_render::{Advance, OpenStats, RenderError, Renderer, WaveStats};
 
-use crate::experiment::fixtures::{Lab, Night, Recorder, config, depths, label, whole_at};
+use crate::experiment::fixtures::{
+    Lab, Night, Recorder, config, depths, label, outcomes, whole_at,
+};
 
 const CELL: CellRef = CellRef::Cell(0);
 
@@ -57,15 +59,15 @@ fn a_failing_renderer_fails_its_cell_and_keeps_the_last_good_film() {
     }
     .record(&depths([1, 2, 3]));
     assert_eq!(
-        failed(&summary.results[1].outcome),
+        failed(outcomes(&summary)[1]),
         "backend `mock` failed: asked to fail after 3 samples"
     );
     assert_eq!(recorder.film(CellRef::Cell(1)).unwrap().samples, 3);
-    assert_eq!(summary.results[1].rows.len(), 2);
+    assert_eq!(summary.night.runs[1].rows.len(), 2);
     assert!(
         [0, 2]
             .iter()
-            .all(|i| matches!(summary.results[*i].outcome, Outcome::Done(_)))
+            .all(|i| matches!(outcomes(&summary)[*i], Outcome::Done(_)))
     );
     assert_eq!(recorder.labels.last().unwrap(), "night finished");
     assert!(!summary.interrupted);
@@ -87,14 +89,14 @@ fn a_renderer_that_cannot_be_opened_fails_its_cell() {
     }
     .record(&depths([1, 2, 3]));
     assert_eq!(
-        failed(&summary.results[0].outcome),
+        failed(outcomes(&summary)[0]),
         "backend `mock` cannot do this: no such depth"
     );
     assert_eq!(
-        failed(&summary.results[1].outcome),
+        failed(outcomes(&summary)[1]),
         "panic while opening the backend: out of memory"
     );
-    assert!(matches!(summary.results[2].outcome, Outcome::Done(_)));
+    assert!(matches!(outcomes(&summary)[2], Outcome::Done(_)));
     assert!(recorder.film(CELL).is_none());
     assert!(!recorder.labels.contains(&"start c0".to_owned()));
 }
@@ -123,12 +125,12 @@ fn a_panicking_renderer_fails_its_cell_and_its_film_is_discarded() {
     }
     .record(&depths([1, 2, 3]));
     assert_eq!(
-        failed(&summary.results[1].outcome),
+        failed(outcomes(&summary)[1]),
         "panic while rendering: index out of bounds"
     );
-    assert_eq!(summary.results[1].rows.len(), 1);
+    assert_eq!(summary.night.runs[1].rows.len(), 1);
     assert!(recorder.film(CellRef::Cell(1)).is_none());
-    assert!(matches!(summary.results[2].outcome, Outcome::Done(_)));
+    assert!(matches!(outcomes(&summary)[2], Outcome::Done(_)));
 }
 
 #[test]
@@ -145,7 +147,7 @@ fn a_renderer_that_adds_no_samples_fails_its_cell() {
     }
     .record(&Lab::new());
     assert_eq!(
-        failed(&summary.results[0].outcome),
+        failed(outcomes(&summary)[0]),
         "the renderer returned none of 1 requested samples"
     );
 }
@@ -203,7 +205,7 @@ fn invalid_samples_are_counted_and_reported_once_with_their_position() {
     }
     .record(&lab);
     assert_eq!(
-        summary.results[0].outcome,
+        *outcomes(&summary)[0],
         Outcome::Done(EndCause::other("3 invalid samples"))
     );
 }
@@ -226,9 +228,9 @@ fn a_failed_reference_fails_its_cells_with_its_reason() {
     }
     .record(&lab);
     let reason = "backend `mock` failed: asked to fail after 100 samples";
-    assert_eq!(failed(&summary.results[1].outcome), reason);
+    assert_eq!(failed(outcomes(&summary)[1]), reason);
     assert_eq!(
-        failed(&summary.results[4].outcome),
+        failed(outcomes(&summary)[4]),
         format!("its reference is not available: {reason}")
     );
     assert!(
@@ -238,7 +240,7 @@ fn a_failed_reference_fails_its_cells_with_its_reason() {
     assert!(
         [0, 2, 3, 5]
             .iter()
-            .all(|i| matches!(summary.results[*i].outcome, Outcome::Done(_)))
+            .all(|i| matches!(outcomes(&summary)[*i], Outcome::Done(_)))
     );
 }
 
@@ -257,9 +259,9 @@ fn a_failing_predicate_fails_its_cell() {
         }
     });
     let (summary, recorder) = Night::default().record(&lab);
-    assert_eq!(failed(&summary.results[1].outcome), "line 12: nil");
+    assert_eq!(failed(outcomes(&summary)[1]), "line 12: nil");
     assert_eq!(recorder.film(CellRef::Cell(1)).unwrap().samples, 1);
-    assert!(matches!(summary.results[2].outcome, Outcome::Done(_)));
+    assert!(matches!(outcomes(&summary)[2], Outcome::Done(_)));
 }
 
 /// A listener that fails at every event with the label `at`.
@@ -301,14 +303,11 @@ fn a_listener_that_cannot_record_fails_the_cell_and_the_others_receive_every_eve
             .render(&lab, &Arc::new(lab.plan()), &mut [&mut failing, &mut after])
             .unwrap();
         assert_eq!(
-            failed(&summary.results[1].outcome),
+            failed(outcomes(&summary)[1]),
             "no space left on device",
             "{at}"
         );
-        assert!(
-            matches!(summary.results[2].outcome, Outcome::Done(_)),
-            "{at}"
-        );
+        assert!(matches!(outcomes(&summary)[2], Outcome::Done(_)), "{at}");
         assert_eq!(failing.received, after.labels, "{at}");
         assert!(after.labels.contains(&"failed c1".to_owned()), "{at}");
     }
@@ -323,7 +322,7 @@ fn a_result_that_cannot_be_recorded_is_a_failure_and_is_reported_once() {
         .render(&lab, &Arc::new(lab.plan()), &mut [&mut failing, &mut after])
         .unwrap();
     let reason = "the result could not be recorded: no space left on device";
-    assert_eq!(failed(&summary.results[1].outcome), reason);
+    assert_eq!(failed(outcomes(&summary)[1]), reason);
     assert_eq!(
         after
             .labels
@@ -333,7 +332,7 @@ fn a_result_that_cannot_be_recorded_is_a_failure_and_is_reported_once() {
         2
     );
     assert_eq!(after.messages(Level::Error), [reason]);
-    assert!(matches!(summary.results[2].outcome, Outcome::Done(_)));
+    assert!(matches!(outcomes(&summary)[2], Outcome::Done(_)));
 }
 
 #[test]
@@ -354,7 +353,7 @@ fn a_listener_that_cannot_prepare_or_close_fails_the_night() {
         panic!("{error}")
     };
     assert_eq!(reason, "no space left on device");
-    assert_eq!(summary.results.len(), 3);
+    assert_eq!(summary.night.ended(), 3);
 }
 
 #[test]

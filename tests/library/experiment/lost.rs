@@ -20,7 +20,7 @@ use lumbre_light::film::{Film, Image};
 use lumbre_render::mock::MockRenderer;
 use lumbre_render::{Advance, OpenStats, RenderError, Renderer, WaveStats};
 
-use crate::experiment::fixtures::{Lab, Recorder, config};
+use crate::experiment::fixtures::{Lab, Recorder, config, outcomes};
 
 /// Checkpoints in memory.
 #[derive(Default)]
@@ -160,7 +160,7 @@ fn a_run_resumes_from_its_newest_checkpoint_after_every_loss_of_its_device() {
         lab.spec.night.checkpoint_s = has_checkpoints.then_some(1e-9);
         for losses in [&[0][..], &[1], &[2], &[4], &[1, 1, 1], &[3, 0, 0]] {
             let (summary, recorder) = night(&lab, losses);
-            let outcome = &summary.results[0].outcome;
+            let outcome = outcomes(&summary)[0];
             assert!(
                 matches!(outcome, Outcome::Done(_)),
                 "{losses:?}: {outcome:?}"
@@ -170,7 +170,7 @@ fn a_run_resumes_from_its_newest_checkpoint_after_every_loss_of_its_device() {
                 rows.iter().map(|r| r.samples).collect::<Vec<_>>()
             };
             assert_eq!(
-                totals(&summary.results[0].rows),
+                totals(&summary.night.runs[0].rows),
                 [1, 3, 7, 15, 16],
                 "{losses:?}"
             );
@@ -194,7 +194,7 @@ fn a_run_resumes_from_its_newest_checkpoint_after_every_loss_of_its_device() {
 fn a_device_that_is_lost_at_every_retry_fails_its_run_and_the_night_continues() {
     let lab = Lab::new().axis("n", crate::experiment::fixtures::ints([1, 2]));
     let (summary, recorder) = night(&lab, &[1, 0, 0, 0]);
-    let outcomes: Vec<&Outcome> = summary.results.iter().map(|r| &r.outcome).collect();
+    let outcomes: Vec<&Outcome> = outcomes(&summary);
     assert!(
         matches!(outcomes[0], Outcome::Failed(why) if why.contains("the power was cut")),
         "{outcomes:?}"
@@ -222,10 +222,10 @@ fn another_backend_takes_over_only_if_the_script_leaves_the_choice_open() {
     };
     let (strict, _) = run_night(&lab(None), &open);
     assert!(
-        matches!(&strict.results[0].outcome, Outcome::Failed(why) if why.contains("asked to fail after 3"))
+        matches!(outcomes(&strict)[0], Outcome::Failed(why) if why.contains("asked to fail after 3"))
     );
     let (loose, recorder) = run_night(&lab(Some("spare")), &open);
-    assert!(matches!(loose.results[0].outcome, Outcome::Done(_)));
+    assert!(matches!(outcomes(&loose)[0], Outcome::Done(_)));
     assert!(
         warnings(&recorder).contains("rendering by `spare` instead, since the backend is `auto`")
     );
@@ -233,16 +233,16 @@ fn another_backend_takes_over_only_if_the_script_leaves_the_choice_open() {
     let mut checkpointed = lab(Some("spare"));
     checkpointed.spec.night.checkpoint_s = Some(1e-9);
     let (restarted, recorder) = run_night(&checkpointed, &open);
-    assert!(matches!(restarted.results[0].outcome, Outcome::Done(_)));
+    assert!(matches!(outcomes(&restarted)[0], Outcome::Done(_)));
     let resumed = recorder.messages(Level::Info).join("\n");
     assert!(!resumed.contains("resumes from"), "{resumed}");
     // The spare backend has its own number of retries.
     let (unlucky, recorder) = night(&lab(Some("spare")), &[0, 0, 0, 0, 1, 1, 1]);
-    assert!(matches!(unlucky.results[0].outcome, Outcome::Done(_)));
+    assert!(matches!(outcomes(&unlucky)[0], Outcome::Done(_)));
     assert_eq!(warnings(&recorder).matches("(retry 3 of 3)").count(), 2);
     // The run starts from its first sample, since render times of two backends cannot be added.
     assert_eq!(
-        loose.results[0]
+        loose.night.runs[0]
             .rows
             .iter()
             .map(|r| r.samples)

@@ -12,7 +12,9 @@ use lumbre_light::film::Image;
 use lumbre_light::value::Value;
 use lumbre_render::mock::{MockRenderer, SECONDS_PER_PATH};
 
-use crate::experiment::fixtures::{Lab, Memory, Night, Recorder, config, depths, ints, whole_at};
+use crate::experiment::fixtures::{
+    Lab, Memory, Night, Recorder, all_done, config, depths, ints, outcomes, whole_at,
+};
 
 const CELL: CellRef = CellRef::Cell(0);
 
@@ -64,7 +66,7 @@ fn references_come_first_and_then_the_cells_in_order() {
         .filter(|w| !w.starts_with("message"))
         .collect();
     assert_eq!(labels, expected);
-    let cells: Vec<CellRef> = summary.results.iter().map(|r| r.cell).collect();
+    let cells: Vec<CellRef> = summary.night.all().collect();
     let references = [0, 1].map(CellRef::Reference);
     assert_eq!(
         cells,
@@ -73,12 +75,7 @@ fn references_come_first_and_then_the_cells_in_order() {
             .chain([0, 1, 2, 3].map(CellRef::Cell))
             .collect::<Vec<_>>()
     );
-    assert!(
-        summary
-            .results
-            .iter()
-            .all(|r| matches!(r.outcome, Outcome::Done(_)))
-    );
+    assert!(all_done(&summary));
     assert!(!summary.interrupted);
 }
 
@@ -89,7 +86,7 @@ fn a_night_with_an_empty_plan_renders_nothing() {
     lab.skip = Box::new(|_, _| Ok(true));
     let (summary, recorder) = Night::default().record(&lab);
     assert_eq!(recorder.labels, ["night started", "night finished"]);
-    assert!(summary.results.is_empty() && !summary.interrupted);
+    assert!(summary.night.ended() == 0 && !summary.interrupted);
 }
 
 #[test]
@@ -157,7 +154,7 @@ fn measurements_accumulate_samples_and_render_time() {
         assert_eq!(row.metrics.len(), 1);
         assert!(row.wall_s >= i.checked_sub(1).map_or(0.0, |before| rows[before].wall_s));
     }
-    assert_eq!(summary.results[1].rows.iter().collect::<Vec<_>>(), rows);
+    assert_eq!(summary.night.runs[0].rows.iter().collect::<Vec<_>>(), rows);
     assert!(
         recorder
             .rows(CellRef::Reference(0))
@@ -183,7 +180,7 @@ fn the_end_of_a_cell_has_its_film_and_the_reason() {
     let (summary, recorder) = Night::default().record(&Lab::new());
     assert_eq!(recorder.film(CELL).unwrap().samples, 16);
     assert_eq!(
-        summary.results[0].outcome,
+        *outcomes(&summary)[0],
         Outcome::Done(EndCause::limit("16 samples per pixel"))
     );
 }
@@ -206,7 +203,7 @@ fn a_metric_rule_must_hold_for_consecutive_measurements() {
         let (summary, recorder) = Night::default().record(&lab);
         (
             *recorder.totals(CELL).last().unwrap(),
-            summary.results[1].outcome.clone(),
+            outcomes(&summary)[1].clone(),
         )
     };
     let (first, reason) = stop_at(1);
@@ -241,7 +238,7 @@ fn predicates_receive_the_rows_and_columns() {
     let (summary, recorder) = Night::default().record(&lab);
     assert_eq!(recorder.totals(CELL), [1, 3, 7]);
     assert_eq!(
-        summary.results[1].outcome,
+        *outcomes(&summary)[1],
         Outcome::Done(EndCause::other("a function of the script"))
     );
 }
@@ -310,10 +307,10 @@ fn finished_cells_and_references_are_not_rendered_again() {
         ]
     );
     assert_eq!(
-        summary.results[3].outcome,
+        *outcomes(&summary)[3],
         Outcome::Cached("out/Cell(1)".into())
     );
-    assert_eq!(*summary.results[3].rows, rows);
+    assert_eq!(*summary.night.runs[1].rows, rows);
 }
 
 #[test]
@@ -378,7 +375,7 @@ fn a_reference_that_cannot_be_read_is_rendered_again() {
             .any(|w| w.contains("rendered again: ref.exr is cut off")),
         "{warnings:?}"
     );
-    assert!(matches!(summary.results[1].outcome, Outcome::Done(_)));
+    assert!(matches!(outcomes(&summary)[1], Outcome::Done(_)));
 }
 
 /// A history that returns results recorded during the same night, as files do.
@@ -404,8 +401,8 @@ fn the_second_of_two_equal_runs_is_reused_in_the_same_night() {
     impl lumbre::experiment::Sink for Writer<'_> {
         fn receive(&mut self, event: &Event) -> Result<(), lumbre::experiment::SinkError> {
             self.1.push(crate::experiment::fixtures::label(event));
-            if let Event::NightStarted { plan } = event {
-                self.1.push(plan.cells[0].id.0.clone());
+            if let Event::NightStarted { night } = event {
+                self.1.push(night.runs[0].id.clone());
             }
             if let Event::CellFinished {
                 outcome: Outcome::Done(_),
@@ -438,8 +435,8 @@ fn the_second_of_two_equal_runs_is_reused_in_the_same_night() {
         1,
     )
     .unwrap();
-    assert!(matches!(summary.results[0].outcome, Outcome::Done(_)));
-    assert_eq!(summary.results[1].outcome, Outcome::Cached("here".into()));
+    assert!(matches!(outcomes(&summary)[0], Outcome::Done(_)));
+    assert_eq!(*outcomes(&summary)[1], Outcome::Cached("here".into()));
 }
 
 #[test]
@@ -462,8 +459,8 @@ fn a_reference_from_a_file_is_read_through_the_history() {
         .images
         .insert(id.clone(), Ok(Image::new(8, 4)));
     let (summary, _) = night.record(&lab);
-    assert_eq!(summary.results[0].outcome, Outcome::Cached(file));
-    assert_eq!(summary.results[1].rows.last().unwrap().metrics.len(), 1);
+    assert_eq!(*outcomes(&summary)[0], Outcome::Cached(file));
+    assert_eq!(summary.night.runs[0].rows.last().unwrap().metrics.len(), 1);
 
     night
         .history
@@ -471,7 +468,7 @@ fn a_reference_from_a_file_is_read_through_the_history() {
         .insert(id.clone(), Ok(Image::new(4, 8)));
     let (summary, _) = night.record(&lab);
     let size = "the picture has 8x4 pixels but its reference 4x8";
-    assert_eq!(summary.results[1].outcome, Outcome::Failed(size.into()));
+    assert_eq!(*outcomes(&summary)[1], Outcome::Failed(size.into()));
 
     night
         .history
@@ -479,11 +476,11 @@ fn a_reference_from_a_file_is_read_through_the_history() {
         .insert(id, Err("not an EXR file".into()));
     let (summary, _) = night.record(&lab);
     assert_eq!(
-        summary.results[0].outcome,
+        *outcomes(&summary)[0],
         Outcome::Failed("not an EXR file".into())
     );
     assert_eq!(
-        summary.results[1].outcome,
+        *outcomes(&summary)[1],
         Outcome::Failed("its reference is not available: not an EXR file".into())
     );
 }
@@ -547,7 +544,7 @@ fn run_opens_the_backend_by_its_name() {
     )
     .unwrap();
     assert_eq!(
-        summary.results[0].outcome,
+        *outcomes(&summary)[0],
         Outcome::Done(EndCause::limit("16 samples per pixel"))
     );
 }

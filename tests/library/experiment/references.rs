@@ -19,7 +19,7 @@ use lumbre_render::Settings;
 use lumbre_render::mock::{MockRenderer, RELATIVE_SIGMA};
 use lumbre_render::{Job, RenderError, Renderer};
 
-use crate::experiment::fixtures::{Lab, Night, Recorder, config, ints};
+use crate::experiment::fixtures::{Lab, Night, Recorder, config, ints, outcomes};
 
 const CELL: CellRef = CellRef::Cell(0);
 
@@ -97,16 +97,17 @@ fn a_reference_consists_of_two_halves_and_its_noise_floor_is_its_error() {
         "{floor:?} {expected}"
     );
     assert_eq!(
-        (reported.len(), summary.results[1].floors.to_vec()),
-        (1, reported[0].clone())
+        (reported.len(), summary.night.runs[0].floor("rmse")),
+        (1, floor)
     );
-    assert!(summary.results[0].floors.is_empty());
+    let of_reference = summary.night.references[0].floors.as_deref();
+    assert_eq!(of_reference, Some(&reported[0]));
 }
 
 #[test]
 fn a_reference_of_one_sample_has_no_halves_and_no_noise_floor() {
     let (summary, recorder) = Night::default().record(&lab(1));
-    assert!(reported_floors(&recorder).is_empty() && summary.results[1].floors.is_empty());
+    assert!(reported_floors(&recorder).is_empty() && summary.night.runs[0].floors.is_empty());
     assert!(!recorder.labels.contains(&"halves r0".to_owned()));
 }
 
@@ -176,13 +177,13 @@ fn a_sharded_reference_has_all_samples_and_is_joined_once() {
     {
         assert!((a / b - 1.0).abs() < 0.02, "{a} {b}");
     }
-    let rows = summary.results[0]
+    let rows = summary.night.references[0]
         .rows
         .iter()
         .map(|row| (row.wave, row.samples))
         .collect::<Vec<_>>();
     assert_eq!(rows, [(1, 134), (2, 268), (3, 400)]);
-    let paths = summary.results[0].rows.last().unwrap().paths;
+    let paths = summary.night.references[0].rows.last().unwrap().paths;
     assert_eq!(
         paths,
         400 * 64 * 48,
@@ -240,7 +241,7 @@ fn stored_shards_that_cannot_be_read_fail_their_reference() {
     for stored in [None, Some(foreign)] {
         let mut recorder = Recorder::default();
         let seams = Seams { open, wait };
-        let night = run_with(
+        let summary = run_with(
             &seams,
             &plan,
             &lab,
@@ -250,18 +251,14 @@ fn stored_shards_that_cannot_be_read_fail_their_reference() {
             1,
         )
         .unwrap();
-        let [reference, cell] = &night.results[..] else {
-            panic!("{:?}", night.results)
-        };
-        let Outcome::Failed(why) = &reference.outcome else {
-            panic!("{:?}", reference.outcome)
+        let [Outcome::Failed(why), Outcome::Failed(_)] = outcomes(&summary)[..] else {
+            panic!("{summary:?}")
         };
         assert!(
             why.contains("shard 1 of 4 is stored but cannot be read")
                 && why.contains("`refs/sums`"),
             "{why}"
         );
-        assert!(matches!(cell.outcome, Outcome::Failed(_)));
         assert!(
             !recorder.labels.iter().any(|word| word.starts_with("start")),
             "{:?}",
@@ -322,7 +319,7 @@ fn stored_halves_give_the_noise_floors_once_and_broken_halves_give_a_warning() {
         .halves
         .insert(id, Err("half-a.exr is cut off".into()));
     let (summary, recorder) = night.record(&lab);
-    assert!(reported_floors(&recorder).is_empty() && summary.results[1].floors.is_empty());
+    assert!(reported_floors(&recorder).is_empty() && summary.night.runs[0].floors.is_empty());
     let warnings = recorder.messages(Level::Warn);
     assert!(
         warnings.iter().any(|w| w.contains("half-a.exr is cut off")),
@@ -516,10 +513,10 @@ fn a_bias_check_of_a_biased_technique_raises_an_alarm_with_a_map() {
     );
     assert!(recorder.messages(Level::Error).contains(&found.found));
     let agreement = recorder.events.iter().find_map(|e| match e {
-        Event::BiasCheck { found, .. } => Some(found.clone()),
+        Event::BiasCheck { compared, .. } => compared.clone(),
         _ => None,
     });
-    let agreement = agreement.unwrap();
+    let (_, agreement) = agreement.unwrap();
     // 31/32 of the light compared with 63/64.
     assert!(
         (agreement.ratio / (62.0 / 63.0) - 1.0).abs() < 0.001,

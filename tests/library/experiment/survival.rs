@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
 use lumbre::experiment::event::{FinishedRun, History, SaveState};
+use lumbre::experiment::night::run::RunState;
 use lumbre::experiment::outcome::Level;
 use lumbre::experiment::run::{Options, Seams, run_with};
 use lumbre::experiment::run_progress::{Checkpoint, Claim, RunProgress};
@@ -19,7 +20,9 @@ use lumbre_light::film::Image;
 use lumbre_render::mock::MockRenderer;
 use lumbre_render::{RenderError, Renderer};
 
-use crate::experiment::fixtures::{Lab, Recorder, at, config, depths, ints, label, whole_at};
+use crate::experiment::fixtures::{
+    Lab, Recorder, all_done, at, config, depths, ints, label, outcomes, whole_at,
+};
 
 /// Checkpoints that outlive a process, in memory, and the claims and results of another process.
 #[derive(Default)]
@@ -147,12 +150,12 @@ fn a_cell_interrupted_after_any_wave_resumes_to_the_same_film_and_rows() {
         let store = Store::default();
         let (summary, _) = run_night(&Lab::new(), &store, Options::from(1), cut);
         assert_eq!(
-            summary.results[0].outcome,
+            *outcomes(&summary)[0],
             Outcome::Interrupted,
             "after {cut} waves"
         );
         let (again, recorder) = run_night(&Lab::new(), &store, Options::from(1), u32::MAX);
-        assert!(matches!(again.results[0].outcome, Outcome::Done(_)));
+        assert!(matches!(outcomes(&again)[0], Outcome::Done(_)));
         assert_eq!(
             recorder.film(CellRef::Cell(0)),
             whole.film(CellRef::Cell(0))
@@ -164,7 +167,7 @@ fn a_cell_interrupted_after_any_wave_resumes_to_the_same_film_and_rows() {
         };
         let expected: Vec<_> = whole.rows(CellRef::Cell(0)).into_iter().cloned().collect();
         assert_eq!(
-            without_wall_time(&again.results[0].rows),
+            without_wall_time(&again.night.runs[0].rows),
             without_wall_time(&expected),
             "render time must continue from the checkpoint"
         );
@@ -186,7 +189,7 @@ fn a_checkpoint_that_does_not_match_is_reported_and_ignored() {
         .values_mut()
         .for_each(|checkpoint| checkpoint.state.truncate(40));
     let (summary, recorder) = run_night(&Lab::new(), &store, Options::from(1), u32::MAX);
-    assert!(matches!(summary.results[0].outcome, Outcome::Done(_)));
+    assert!(matches!(outcomes(&summary)[0], Outcome::Done(_)));
     assert!(
         recorder
             .messages(Level::Warn)
@@ -203,7 +206,7 @@ fn checkpoints_that_cannot_be_written_cause_only_a_warning() {
     let store = Store::default();
     store.full.set(true);
     let (summary, recorder) = run_night(&lab, &store, Options::from(1), u32::MAX);
-    assert!(matches!(summary.results[0].outcome, Outcome::Done(_)));
+    assert!(matches!(outcomes(&summary)[0], Outcome::Done(_)));
     let warnings = recorder.messages(Level::Warn);
     assert_eq!(
         warnings
@@ -220,7 +223,7 @@ fn cells_of_other_processes_are_postponed_and_awaited() {
     let store = Store::default();
     store.held.set(3);
     let (summary, recorder) = run_night(&depths([1, 2, 3]), &store, Options::from(1), u32::MAX);
-    let outcomes: Vec<&Outcome> = summary.results.iter().map(|r| &r.outcome).collect();
+    let outcomes: Vec<&Outcome> = outcomes(&summary);
     assert_eq!(*outcomes[0], Outcome::Cached("theirs".into()));
     assert!(matches!(
         outcomes[1..],
@@ -287,11 +290,11 @@ fn the_smoke_pass_finds_a_broken_cell_before_anything_is_rendered() {
         .collect();
     assert_eq!(labels, ["night started", "message ", "failed c1"]);
     assert!(
-        matches!(&summary.results[1].outcome, Outcome::Failed(why) if why.contains("in the smoke pass") && why.contains("lens"))
+        matches!(outcomes(&summary)[1], Outcome::Failed(why) if why.contains("in the smoke pass") && why.contains("lens"))
     );
     assert!(
-        matches!(summary.results[0].outcome, Outcome::Done(_))
-            && matches!(summary.results[2].outcome, Outcome::Done(_))
+        matches!(outcomes(&summary)[0], Outcome::Done(_))
+            && matches!(outcomes(&summary)[2], Outcome::Done(_))
     );
     assert_eq!(
         recorder
@@ -310,7 +313,7 @@ fn a_night_ends_at_its_limit_of_failures() {
         ..Options::from(1)
     };
     let (summary, recorder) = run_night(&broken_at_depth_2(), &Store::default(), options, u32::MAX);
-    assert_eq!(summary.results.len(), 2, "the third cell was never reached");
+    assert_eq!(summary.night.ended(), 2, "the third cell was never reached");
     assert!(
         recorder
             .messages(Level::Warn)
@@ -327,7 +330,7 @@ fn a_deadline_ends_the_night_and_orders_its_cells_from_coarse_to_fine() {
         ..Options::from(1)
     };
     let (summary, recorder) = run_night(&depths([1, 2, 3]), &Store::default(), past, u32::MAX);
-    assert!(summary.results.is_empty() && !summary.interrupted);
+    assert!(summary.night.ended() == 0 && !summary.interrupted);
     assert!(recorder.messages(Level::Warn)[0].contains("deadline"));
     let far = Options {
         deadline: Some(SystemTime::now() + Duration::from_secs(9999)),
@@ -412,30 +415,22 @@ fn interleaved_runs_resume_from_their_checkpoints_after_any_wave() {
         let store = Store::default();
         let (summary, _) = run_night(&interleaved(), &store, Options::from(1), cut);
         assert!(
-            summary.interrupted
-                && summary
-                    .results
-                    .iter()
-                    .any(|r| r.outcome == Outcome::Interrupted),
+            summary.interrupted && outcomes(&summary).contains(&&Outcome::Interrupted),
             "{cut}"
         );
-        let begun = summary
-            .results
-            .iter()
-            .filter(|r| r.outcome == Outcome::Interrupted && !r.rows.is_empty())
+        let interrupted = RunState::Ended(Outcome::Interrupted);
+        let runs = summary.night.runs.iter();
+        let begun = runs
+            .filter(|run| run.state == interrupted && !run.rows.is_empty())
             .count();
         assert!(
             store.checkpoints.borrow().len() >= begun,
             "each interrupted run must have a checkpoint"
         );
         let (again, recorder) = run_night(&interleaved(), &store, Options::from(1), u32::MAX);
-        assert!(
-            again
-                .results
-                .iter()
-                .all(|r| matches!(r.outcome, Outcome::Done(_)))
-        );
-        for i in (0..3).map(CellRef::Cell) {
+        assert!(all_done(&again));
+        for place in 0..3 {
+            let i = CellRef::Cell(place);
             assert_eq!(recorder.film(i), whole.film(i), "cut after {cut} waves");
             let clock = |result: &[lumbre::experiment::WaveRow]| {
                 result
@@ -443,10 +438,7 @@ fn interleaved_runs_resume_from_their_checkpoints_after_any_wave() {
                     .map(|row| (row.samples, row.render_s.to_bits()))
             };
             let rows: Vec<_> = whole.rows(i).into_iter().cloned().collect();
-            let place = match i {
-                CellRef::Cell(place) | CellRef::Reference(place) => place,
-            };
-            assert_eq!(clock(&again.results[place].rows), clock(&rows));
+            assert_eq!(clock(&again.night.runs[place].rows), clock(&rows));
         }
     }
 }

@@ -1,27 +1,6 @@
-//! Rules for files: length, names, printing, and no paths that exist on one machine only.
+//! Rules for files: names, printing, and no paths that exist on one machine only.
 
 use super::source::{code_only, project_files, root, rust_files, sources, text, words};
-
-/// Greatest number of lines of a Rust file.
-const MOST_LINES: usize = 600;
-
-#[test]
-fn no_rust_file_has_more_than_600_lines() {
-    let all = sources()
-        .into_iter()
-        .chain(rust_files("tests"))
-        .chain(rust_files("crates/lumbre-render/tests"));
-    let long: Vec<String> = all
-        .map(|f| (text(&f).lines().count(), f))
-        .filter(|(n, _)| *n > MOST_LINES)
-        .map(|(n, f)| format!("{f}: {n} lines"))
-        .collect();
-    assert!(
-        long.is_empty(),
-        "over {MOST_LINES} lines, split by concept:\n{}",
-        long.join("\n")
-    );
-}
 
 #[test]
 fn no_module_is_named_util_common_or_misc() {

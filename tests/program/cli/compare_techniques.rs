@@ -130,9 +130,9 @@ fn a_comparison_ends_with_a_verdict_and_its_interval() {
         assert_eq!(technique["efficiencies"].as_array().unwrap().len(), 4);
     }
     // The night is that of a script, which other verbs find.
-    let explained = place.succeed(&["explain", "latest"]).stdout;
+    let explained = place.succeed(&["show", "latest", "--why"]).stdout;
     assert!(explained.contains("technique="), "{explained}");
-    let retried = place.succeed(&["retry"]);
+    let retried = place.succeed(&["run", "--retry"]);
     assert!(
         retried.stderr.contains("nothing to do"),
         "{}",

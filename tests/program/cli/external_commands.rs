@@ -317,7 +317,7 @@ fn commands_run_only_with_permission_and_the_plan_shows_them() {
     );
     for args in [
         &["run", "peers.lua"][..],
-        &["retry", "peers.lua"],
+        &["run", "--retry", "peers.lua"],
         &["submit", "hq", "peers.lua"],
     ] {
         let refused = run(&place, args);
@@ -339,7 +339,7 @@ fn commands_run_only_with_permission_and_the_plan_shows_them() {
     assert!(device["threads"].as_u64() > Some(0), "{done}");
     assert_eq!(device["peer"]["program"], "fake 2.0; beta", "{done}");
     // The options of a recorded command are no permission: its folder may come from someone else.
-    let refused = run(&place, &["retry"]);
+    let refused = run(&place, &["run", "--retry"]);
     assert_eq!(refused.status, 2, "{}", refused.stderr);
     let run_folder = place.finished()[0].0.replace("/done.json", "");
     let refused = run(&place, &["reproduce", &run_folder]);

@@ -181,7 +181,8 @@ fn a_benchmark_is_one_file_and_files_of_machines_are_compared() {
     let measure = |name: &str| {
         let file = format!("{name}.json");
         place.succeed(&[
-            "benchmark",
+            "bench",
+            "--suite",
             "--name",
             name,
             "-o",
@@ -211,8 +212,8 @@ fn a_benchmark_is_one_file_and_files_of_machines_are_compared() {
             .is_some_and(|cpu| !cpu.is_empty())
     );
     let args = [
-        "benchmark",
-        "compare",
+        "bench",
+        "--compare",
         "first.json",
         "second.json",
         "--to",
@@ -234,7 +235,7 @@ fn a_benchmark_is_one_file_and_files_of_machines_are_compared() {
         }
     }
     place.write("other.json", "{ \"benchmark\": 99 }");
-    let ended = place.run(&["benchmark", "compare", "first.json", "other.json"]);
+    let ended = place.run(&["bench", "--compare", "first.json", "other.json"]);
     assert!(
         ended.status == 2 && ended.stderr.contains("version 99"),
         "{}",

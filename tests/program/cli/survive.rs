@@ -53,15 +53,15 @@ fn failures_are_recorded_counted_and_limited() {
     );
 
     let run = records[0].trim_end_matches("/failed.json");
-    let explanation = place.succeed(&["explain", run]).stdout;
+    let explanation = place.succeed(&["show", run, "--why"]).stdout;
     assert!(
         explanation.contains("its last attempt failed") && explanation.contains("lens fell off"),
         "{explanation}"
     );
     // Only the two failed cells are retried, and only on request.
-    let intended = place.succeed(&["retry", "--failed", "--dry-run"]).stdout;
+    let intended = place.succeed(&["run", "--failed", "--dry-run"]).stdout;
     assert!(intended.contains("runs 2 failed runs again"), "{intended}");
-    assert_eq!(place.run(&["retry", "--failed", "-q"]).status, 3);
+    assert_eq!(place.run(&["run", "--failed", "-q"]).status, 3);
     assert_eq!(
         place
             .files("out")
@@ -70,7 +70,7 @@ fn failures_are_recorded_counted_and_limited() {
             .count(),
         2
     );
-    assert_eq!(place.run(&["retry", "-q"]).status, 3);
+    assert_eq!(place.run(&["run", "--retry", "-q"]).status, 3);
     assert_eq!(
         place
             .files("out")
@@ -100,11 +100,11 @@ fn only_failed_cells_are_retried() {
         .unwrap();
     assert_eq!(output.status.code(), Some(3));
     assert!(place.finished().is_empty());
-    place.succeed(&["retry", "--failed", "-q"]);
+    place.succeed(&["run", "--failed", "-q"]);
     assert_eq!(place.finished().len(), 4);
     assert!(
         place
-            .succeed(&["retry", "--failed"])
+            .succeed(&["run", "--failed"])
             .stderr
             .contains("no run of out/night-")
     );
@@ -133,13 +133,13 @@ fn explain_names_the_field_that_differs_or_the_file_that_is_damaged() {
     place.succeed(&["run", "night.lua", "-q"]);
     let done = place.finished().remove(0).0;
     let run = done.trim_end_matches("/done.json");
-    let explanation = place.succeed(&["explain", run]).stdout;
+    let explanation = place.succeed(&["show", run, "--why"]).stdout;
     assert!(
         explanation.contains("would not be rendered again"),
         "{explanation}"
     );
     let id = &run.rsplit('/').next().unwrap()[..8];
-    let json = place.succeed(&["explain", id, "--json"]).stdout;
+    let json = place.succeed(&["show", id, "--why", "--json"]).stdout;
     assert_eq!(
         serde_json::from_str::<serde_json::Value>(&json).unwrap()["again"],
         false
@@ -147,7 +147,7 @@ fn explain_names_the_field_that_differs_or_the_file_that_is_damaged() {
 
     let whole = place.read(&format!("{run}/metrics.csv"));
     place.write(&format!("{run}/metrics.csv"), &whole.replacen('1', "2", 1));
-    let explanation = place.succeed(&["explain", run]).stdout;
+    let explanation = place.succeed(&["show", run, "--why"]).stdout;
     assert!(
         explanation.contains("would be rendered again: metrics.csv is damaged"),
         "{explanation}"
@@ -157,7 +157,7 @@ fn explain_names_the_field_that_differs_or_the_file_that_is_damaged() {
         .read("night.lua")
         .replace("stop.samples(16)", "stop.samples(32)");
     place.write("night.lua", &script);
-    let explanation = place.succeed(&["explain", run]).stdout;
+    let explanation = place.succeed(&["show", run, "--why"]).stdout;
     assert!(
         explanation.contains("no longer part of the script's plan")
             && explanation.contains("16 in the run, 32 in the script"),

@@ -8,7 +8,7 @@ use serde_json::{Value as Json, json};
 use super::{metrics, night};
 use lumbre::cli::bench::backends::PROTOCOL;
 use lumbre::experiment::processor_time;
-use lumbre::experiment::{CellRef, PlanOutline, WaveRow};
+use lumbre::experiment::{CellRef, Event, Night, WaveRow};
 use lumbre::tui::model::night::NightModel;
 use lumbre::tui::terminal::offscreen::{DrawStats, draw_for};
 use lumbre_render::{Device, OpenStats};
@@ -47,25 +47,35 @@ fn measure_one(size: (u16, u16)) -> Result<DashboardCost, String> {
             .use_current_thread()
             .build();
         let cell = CellRef::Cell(0);
-        let mut model = NightModel::default();
-        model.begin_night(Arc::new(PlanOutline::from_plan(&plan)), 0.0);
-        model.start_run(
+        let mut model = NightModel::new(Night::planned(&plan));
+        let night = Arc::new(model.night.clone());
+        model.receive(&Event::NightStarted { night }, 0.0);
+        let started = Event::CellStarted {
             cell,
-            OpenStats {
+            open: OpenStats {
                 devices: vec![Device::processor(1)],
                 ..OpenStats::default()
             },
-            Some(pictures[0].clone()),
-            0.0,
-        );
+            reference: Some(pictures[0].clone()),
+            resumed: None,
+            settings: None,
+        };
+        model.receive(&started, 0.0);
         let mut waves = 0u64;
         let mut update = |model: &mut NightModel, now_s: f64| {
             if now_s < waves as f64 * EVERY_S {
                 return;
             }
             waves += 1;
-            model.add_wave(cell, &synthetic_wave(waves, now_s), 0.05, now_s);
-            model.set_image(cell, pictures[1 + (waves % 2) as usize].clone());
+            let wave = Event::Wave {
+                cell,
+                row: synthetic_wave(waves, now_s),
+                measure_s: 0.05,
+                image: Some(pictures[1 + (waves % 2) as usize].clone()),
+                noise: None,
+                pow2: false,
+            };
+            model.receive(&wave, now_s);
         };
         let before = processor_time::thread_time();
         let drawn = draw_for(TIME, size, &mut model, &mut update).map_err(|e| e.to_string())?;

@@ -2,11 +2,12 @@
 
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::{Instant, SystemTime};
 
 use serde_json::{Value as Json, json};
 
-use lumbre::cli::inspect::watch::{apply_event, begin_model};
+use lumbre::cli::inspect::watch::apply;
 use lumbre::cli::night::load::decode_picture;
 use lumbre::experiment::{Plan, memory};
 use lumbre::store::schema::journal::{
@@ -55,7 +56,7 @@ impl ListingCost {
         };
         let count_done = || {
             list_experiments(out)
-                .experiments
+                .nights
                 .iter()
                 .flat_map(|e| &e.runs)
                 .filter(|run| run.state.name() == "done")
@@ -73,19 +74,19 @@ impl ListingCost {
         let start = Instant::now();
         let mut follower =
             Follower::open(&experiment, decode_picture).map_err(|e| e.to_string())?;
-        let mut model = NightModel::default();
-        begin_model(&mut model, &follower);
-        for event in follower.poll() {
-            apply_event(&mut model, event);
+        let mut model = NightModel::new(follower.night().clone());
+        if let Some(changes) = follower.poll() {
+            apply(&mut model, changes);
         }
         let open_s = start.elapsed().as_secs_f64();
         let memory = before
             .zip(resident())
             .map(|(before, after)| after.saturating_sub(before));
         let start = Instant::now();
-        let later_events = follower.poll().len();
+        let later = follower.poll();
         let look_s = start.elapsed().as_secs_f64();
-        if model.cells.iter().any(|cell| cell.last.is_none()) || later_events > 0 {
+        let is_unread = |run: &Arc<lumbre::experiment::night::run::Run>| run.rows.is_empty();
+        if model.night.runs.iter().any(is_unread) || later.is_some() {
             return Err("the simulated night was not read completely".to_owned());
         }
         Ok(ListingCost {

@@ -303,6 +303,7 @@ impl Sink for Recorder<'_> {
                 open,
                 reference,
                 resumed,
+                ..
             } => {
                 let resumed = resumed.as_deref().map(Vec::as_slice);
                 self.start_run(*cell, open, reference.is_some(), resumed)?;
@@ -310,7 +311,7 @@ impl Sink for Recorder<'_> {
             Event::Wave {
                 cell,
                 row,
-                image,
+                image: Some(image),
                 pow2,
                 ..
             } => self.record_wave(*cell, row, image, *pow2)?,
@@ -324,9 +325,9 @@ impl Sink for Recorder<'_> {
             } => self.retry_while_full(|| self.store.save_shard(&self.plan, shard, sums))?,
             Event::BiasCheck {
                 reference,
-                with,
-                found,
-            } => self.write_bias_check(*reference, *with, found)?,
+                check,
+                compared: Some((with, found)),
+            } => self.write_bias_check([*reference, *with], check, found)?,
             Event::Halves { reference, halves } => self.write_halves(*reference, halves)?,
             Event::CellFinished {
                 cell,
@@ -336,6 +337,7 @@ impl Sink for Recorder<'_> {
                 layers,
                 times,
                 rows,
+                ..
             } => {
                 let extra = ExtraFilms {
                     denoised: denoised.as_deref(),
@@ -345,8 +347,15 @@ impl Sink for Recorder<'_> {
                 self.end_run(*cell, outcome, film.as_deref(), &extra, rows)?;
             }
             Event::Message { level, text, .. } => self.log_message(*level, text),
-            // Time bins are written when the run is done; the journal has the rest.
+            // Time bins are written when the run is done; the journal has the rest, and runs of other
+            // processes are recorded there.
             Event::Times { .. }
+            | Event::RunActive { .. }
+            | Event::ShardActive { .. }
+            | Event::Wave { image: None, .. }
+            | Event::Picture { .. }
+            | Event::Layer { .. }
+            | Event::BiasCheck { compared: None, .. }
             | Event::NightStarted { .. }
             | Event::ShardStarted { .. }
             | Event::ShardFinished { sums: None, .. }

@@ -6,6 +6,7 @@ use super::records::DENOISE;
 use super::{ExtraFilms, OpenRun, Recorder, sink_error};
 use crate::cli::night::disk_full_retry::{retry_while_disk_full, sleep_before_retry};
 use crate::experiment::bias_check::{BiasCheckResult, MAP_TOP};
+use crate::experiment::night::reference::BiasCheckSummary;
 use crate::experiment::plan::ReferenceSource;
 use crate::experiment::{CellRef, SinkError};
 use crate::output::{exr, layer, plot, png, time};
@@ -158,11 +159,11 @@ impl Recorder<'_> {
     /// folder: a map of z-scores and the result as JSON.
     pub(super) fn write_bias_check(
         &self,
-        reference: usize,
-        with: usize,
+        [reference, with]: [usize; 2],
+        check: &BiasCheckSummary,
         result: &BiasCheckResult,
     ) -> Result<(), SinkError> {
-        let file = BiasCheckFile::new(&self.plan, reference, with, result);
+        let file = BiasCheckFile::new(&self.plan, [reference, with], check, result);
         let technique = &file.technique;
         let metadata = [
             ("run", file.reference.clone()),

@@ -15,7 +15,7 @@ use super::item::ReportItem;
 use super::study::{Member, Study};
 use super::verdict::Verdict;
 use crate::experiment::WaveRow;
-use crate::experiment::night_results::{NightResults, RunState};
+use crate::experiment::night::Night;
 use crate::output::metric_display::MetricDisplay;
 use crate::output::plot::axis::Scale;
 use crate::output::provenance::Provenance;
@@ -62,7 +62,7 @@ pub fn item(
     notes: &mut Vec<String>,
 ) -> Result<ReportItem, OutputError> {
     let provenance = Provenance::from_members(study.all());
-    let names: Vec<&str> = study.nights.iter().map(|n| n.name.as_str()).collect();
+    let names: Vec<&str> = study.nights.iter().map(|n| n.plan.name.as_str()).collect();
     let title = match names.as_slice() {
         [] => "report".to_owned(),
         [first, rest @ ..] if rest.iter().all(|name| name == first) => (*first).to_owned(),
@@ -156,12 +156,6 @@ fn run_data(
 ) -> Json {
     let run = member.run;
     let (night, facet, series) = position;
-    let state = match &run.state {
-        RunState::Done(_) => "done",
-        RunState::Unfinished => "unfinished",
-        RunState::Pending => "pending",
-        RunState::Damaged => "damaged",
-    };
     let number = |x: Option<f64>| x.filter(|x| x.is_finite()).map_or(Json::Null, |x| json!(x));
     let values = |row: &WaveRow| -> Vec<Json> {
         (0..study.metrics.len())
@@ -189,7 +183,7 @@ fn run_data(
     let last = run.rows.last();
     json!({
         "id": run.id, "night": night, "facet": facet, "series": series, "repeat": run.repeat,
-        "state": state, "axes": axis_values, "samples": last.map(|row| row.samples),
+        "state": run.state.name(), "axes": axis_values, "samples": last.map(|row| row.samples),
         "render_s": number(last.map(|row| row.render_s)), "rate": number(run.samples_per_s()),
         "last": last.map(values).unwrap_or_default(), "link": (context.link)(&run.folder),
         "command": (context.command)(&run.folder), "rows": rows, "floors": floors,
@@ -290,14 +284,17 @@ fn head(title: &str, provenance: &Provenance) -> Markup {
 }
 
 /// Writes a line of facts on a night. `name` is given if there are several nights.
-fn night_facts(night: &NightResults, name: Option<&str>, context: &ReportContext) -> Markup {
+fn night_facts(night: &Night, name: Option<&str>, context: &ReportContext) -> Markup {
     let finished = night.runs.iter().filter(|r| r.is_done()).count();
     let machine = night.machine.as_ref();
     let (program, date) = machine.map_or(("", ""), |m| (m.program.as_str(), m.date.as_str()));
     let facts = [
         format!("{finished} of {} runs finished", night.runs.len()),
         night.devices().join(", "),
-        format!("plan {}", night.plan.get(..8).unwrap_or(&night.plan)),
+        format!(
+            "plan {}",
+            night.plan.hash.get(..8).unwrap_or(&night.plan.hash)
+        ),
         program.to_owned(),
         date.to_owned(),
     ];

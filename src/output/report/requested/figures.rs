@@ -9,7 +9,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::roles::AxisRoles;
 use crate::columns::{FIGURE, names};
-use crate::experiment::night_results::{NightResults, RunResult};
+use crate::experiment::night::run::Run;
+use crate::experiment::night::{Night, NightPlan};
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::{FigureKind, FigureSpec, FigureX, TableValue};
 use crate::output::metric_display::MetricDisplay;
@@ -64,14 +65,13 @@ pub struct FigureFiles {
 ///
 /// Times of several devices never share an axis. If the night has several, each has separate
 /// figures, as if the device were an additional facet.
-pub fn figures(plan: &Plan, night: &NightResults, spec: &FigureSpec) -> Vec<FigureFiles> {
+pub fn figures(plan: &Plan, night: &Night, spec: &FigureSpec) -> Vec<FigureFiles> {
     let roles = AxisRoles::new(night, spec);
     let study = Study::of_night(night, &roles.by, &roles.facet);
     let split_devices = spec.is_timed() && night.devices().len() > 1;
     let is_sweep = matches!(spec.kind, FigureKind::Sweep { .. });
-    let is_drawn = |run: &RunResult| {
-        spec.shows(&run.point) && !run.rows.is_empty() && (run.is_done() || !is_sweep)
-    };
+    let is_drawn =
+        |run: &Run| spec.shows(&run.point) && !run.rows.is_empty() && (run.is_done() || !is_sweep);
     let mut indices: BTreeMap<(usize, Option<&str>), usize> = BTreeMap::new();
     let mut pictures: Vec<PictureOfFacet> = Vec::new();
     for (member, (_, facet, series)) in study.all().zip(study.run_positions()) {
@@ -273,7 +273,7 @@ impl<'a> PictureOfFacet<'a> {
             |(axis, value): &(String, String)| format!("{axis} = {}", self.study.name(value));
         let facet: Vec<String> = self.facet.iter().map(pair).collect();
         let facet = facet.join(", ");
-        let name = self.study.nights[0].name.clone();
+        let name = self.study.nights[0].plan.name.clone();
         let title = if facet.is_empty() {
             name
         } else {
@@ -284,7 +284,7 @@ impl<'a> PictureOfFacet<'a> {
             let (label, long) = self.label(index);
             notes.extend(long.map(|long| format!("{label}: {long}")));
             let values = &self.study.series[index].values;
-            let report = &self.study.nights[0].report;
+            let report = &self.study.nights[0].plan.report;
             let mut colours = values.iter().filter_map(|value| report.colour(value));
             SeriesEntry {
                 label: if self.is_denoised(index) && !label.is_empty() {
@@ -311,8 +311,8 @@ impl<'a> PictureOfFacet<'a> {
 
     /// Lists program, plan and runs for the picture's metadata.
     fn description(&self) -> String {
-        let NightResults { name, plan, .. } = &self.study.nights[0];
-        let mut text = format!("{}\nplan {name} {plan}", crate::text::program());
+        let NightPlan { name, hash, .. } = &*self.study.nights[0].plan;
+        let mut text = format!("{}\nplan {name} {hash}", crate::text::program());
         for (_, Member { run, .. }) in &self.members {
             let samples = run.rows.last().map_or(0, |row| row.samples);
             text += &format!(
@@ -323,7 +323,7 @@ impl<'a> PictureOfFacet<'a> {
         text
     }
 
-    fn of_series(&self, index: usize) -> impl Iterator<Item = &RunResult> {
+    fn of_series(&self, index: usize) -> impl Iterator<Item = &Run> {
         let members = self.members.iter();
         members.filter_map(move |(series, m)| (*series == index).then_some(m.run))
     }

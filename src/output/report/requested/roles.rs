@@ -2,7 +2,10 @@
 
 use std::slice::from_ref;
 
-use crate::experiment::night_results::{NightResults, RunResult};
+use std::sync::Arc;
+
+use crate::experiment::night::Night;
+use crate::experiment::night::run::Run;
 use crate::experiment::spec::{FigureKind, FigureSpec};
 use crate::output::dependent_axes::{change_phrase, is_determined};
 
@@ -21,7 +24,7 @@ pub(super) struct AxisRoles {
 
 impl AxisRoles {
     /// Assigns the roles of the axes.
-    pub(super) fn new(night: &NightResults, spec: &FigureSpec) -> AxisRoles {
+    pub(super) fn new(night: &Night, spec: &FigureSpec) -> AxisRoles {
         let mut roles = AxisRoles {
             by: spec.by.iter().cloned().collect(),
             facet: spec.facet.clone(),
@@ -32,7 +35,7 @@ impl AxisRoles {
         if let FigureKind::Sweep { over: axis, .. } = &spec.kind {
             over = Some(axis);
             let shown = night.runs.iter().filter(|run| spec.shows(&run.point));
-            roles.find_dependent(&shown.collect::<Vec<_>>(), &night.axes, axis);
+            roles.find_dependent(&shown.collect::<Vec<_>>(), &night.plan.axes, axis);
         }
         if roles.by.is_empty() {
             let varies = |axis: &&String| {
@@ -45,7 +48,7 @@ impl AxisRoles {
                     && !roles.dependent.contains(axis)
                     && over != Some(*axis)
             };
-            let by = night.axes.iter().filter(is_free).filter(varies);
+            let by = night.plan.axes.iter().filter(is_free).filter(varies);
             roles.by = by.cloned().collect();
         }
         roles
@@ -54,7 +57,7 @@ impl AxisRoles {
     /// Finds the dependent axes of a figure over the axis `over`. Removes requested axes that have
     /// only one position on the horizontal axis for each of their values, since no line could be
     /// drawn.
-    fn find_dependent(&mut self, runs: &[&RunResult], axes: &[String], over: &String) {
+    fn find_dependent(&mut self, runs: &[&Arc<Run>], axes: &[String], over: &String) {
         let has_single_value =
             |axis: &String| is_determined(runs.iter().map(|run| ((), run.axis_value(axis))));
         let depends = |axis: &String, from: &[String]| {

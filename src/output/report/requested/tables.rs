@@ -2,7 +2,7 @@
 //! all other axes and repeats.
 
 use super::caption::caption;
-use crate::experiment::night_results::NightResults;
+use crate::experiment::night::Night;
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::TableSpec;
 use crate::output::provenance::Provenance;
@@ -14,7 +14,7 @@ use crate::output::table::{Digits, Table, TableCell, TableKind};
 /// Computes the tables of a specification: one table, or one for each device if the value is a
 /// time and the night used several devices. Runs that failed, were interrupted or never started are
 /// left out; the caption reports their number.
-pub fn tables(plan: &Plan, night: &NightResults, spec: &TableSpec) -> Vec<Table> {
+pub fn tables(plan: &Plan, night: &Night, spec: &TableSpec) -> Vec<Table> {
     let study = Study::of_night(night, &spec.cols, &spec.rows);
     let mut devices = night.devices();
     if devices.len() < 2 || !spec.value.is_clock() {

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::Pictures;
 use super::study::{Member, Study};
 use crate::experiment::WaveRow;
-use crate::experiment::night_results::RunResult;
+use crate::experiment::night::run::Run;
 use crate::output::metric_display::MetricDisplay;
 use lumbre_light::film::Image;
 use lumbre_metrics::MetricSpec;
@@ -230,7 +230,7 @@ fn shown_member<'a>(study: &'a Study<'_>, facet: usize, series: usize) -> Option
 }
 
 /// Returns the measurements of a run that have a stored picture, with its file.
-fn stored(run: &RunResult) -> impl Iterator<Item = (&WaveRow, &Path)> {
+fn stored(run: &Run) -> impl Iterator<Item = (&WaveRow, &Path)> {
     run.pictures.iter().filter_map(|(samples, path)| {
         let row = run.rows.iter().find(|row| row.samples == *samples)?;
         Some((row, path.as_path()))

@@ -2,8 +2,9 @@
 
 use super::rates::SPEED;
 use super::{empty_table, fill_table, mark_noise_floors, with_devices};
+use crate::experiment::WaveRow;
+use crate::experiment::night::run;
 use crate::experiment::spec::TableValue;
-use crate::experiment::{WaveRow, night_results};
 use crate::output::format;
 use crate::output::metric_display::MetricDisplay;
 use crate::output::plot::axis::Scale;
@@ -90,7 +91,7 @@ pub(super) fn efficiency(study: &Study) -> Option<Table> {
         let error = m.value(last, metric)?;
         let error = m.run.net_error(spec, error);
         let squared = if is_root { error * error } else { error };
-        night_results::efficiency(squared, last.render_s).map(RunValue::exact)
+        run::efficiency(squared, last.render_s).map(RunValue::exact)
     });
     mark_noise_floors(study, &mut table, metric, |_, m| {
         m.value(m.run.rows.last()?, metric)

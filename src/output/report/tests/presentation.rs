@@ -8,7 +8,7 @@ use lumbre_metrics::tonemap::Tonemap;
 fn the_script_names_and_colours_series_and_sets_the_tone_map() {
     let mut own = night("Sample GPU", 1.0);
     let map = |value: &str| [("nee".to_owned(), value.to_owned())].into();
-    own.report = Presentation {
+    Arc::make_mut(&mut own.plan).report = Presentation {
         display: Some(Tonemap::Gamma {
             gamma: 2.2,
             exposure: 1.5,

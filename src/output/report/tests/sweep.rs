@@ -5,19 +5,20 @@ use super::*;
 /// Builds a night with a third axis, the number of bins, which takes the place of the repeats.
 /// Every
 /// run has two repeats; the second builds its acceleration structure 10 % more slowly.
-fn swept() -> NightResults {
+fn swept() -> Night {
     let mut night = night("Sample GPU", 1.0);
-    night.axes.push("bins".to_owned());
+    Arc::make_mut(&mut night.plan).axes.push("bins".to_owned());
     let mut runs = Vec::new();
     for run in &night.runs {
-        for repeat in 0..2u64 {
+        for repeat in 0..2 {
             let bins = [2i64, 8, 32][run.repeat as usize];
-            let mut one = run.clone();
-            one.point.push(("bins".to_owned(), Value::Int(bins)));
-            one.id = format!("{:032x}", 0xabc000 + runs.len());
-            one.repeat = repeat;
-            if let Some(open) = &mut one.open {
-                open.accel_build_s = 0.001 * bins as f64 * (1.0 + 0.1 * repeat as f64);
+            let mut one = Arc::clone(run);
+            let plan = planned(&mut one);
+            plan.point.push(("bins".to_owned(), Value::Int(bins)));
+            plan.id = format!("{:032x}", 0xabc000 + runs.len());
+            plan.repeat = repeat;
+            if let Some(open) = &mut Arc::make_mut(&mut one).open {
+                open.accel_build_s = 0.001 * bins as f64 * (1.0 + 0.1 * f64::from(repeat));
                 open.accel_nodes = 70 + bins as u64;
             }
             runs.push(one);
@@ -118,7 +119,7 @@ fn requested_axes_of_names_are_drawn_and_long_names_are_rotated() {
     };
     let mut long = night("Sample GPU", 1.0);
     for run in long.runs.iter_mut().filter(|run| run.scene == "lamps.scn") {
-        run.point[0].1 = Value::from(
+        planned(run).point[0].1 = Value::from(
             "a scene with a name that is too long to fit beside the label of another scene",
         );
     }
@@ -155,11 +156,14 @@ fn requested_axes_of_names_are_drawn_and_long_names_are_rotated() {
 
 /// Builds the night of [`swept`] with two more axes: the number of leaves, which is different for
 /// each number of bins, and a kind that two numbers of bins share.
-fn zipped() -> NightResults {
+fn zipped() -> Night {
     let mut night = swept();
-    night.axes.extend(["leaves", "kind"].map(str::to_owned));
+    Arc::make_mut(&mut night.plan)
+        .axes
+        .extend(["leaves", "kind"].map(str::to_owned));
     for run in &mut night.runs {
         let bins = run.axis_value("bins").unwrap();
+        let run = planned(run);
         run.point.push((
             "leaves".to_owned(),
             Value::from(format!("{bins} leaves").as_str()),
@@ -245,7 +249,7 @@ fn a_requested_axis_without_figures_is_a_note() {
         .runs
         .iter_mut()
         .filter(|run| run.scene == "box.scn")
-        .for_each(|run| run.state = RunState::Unfinished);
+        .for_each(|run| Arc::make_mut(run).state = UNFINISHED);
     let made = report(
         &[unfinished],
         &ReportOptions {
@@ -268,8 +272,8 @@ fn a_sweep_over_techniques_is_one_line() {
     one.runs.retain(|run| run.scene == "box.scn");
     one.runs
         .iter_mut()
-        .for_each(|run| drop(run.point.remove(0)));
-    one.axes.remove(0);
+        .for_each(|run| drop(planned(run).point.remove(0)));
+    Arc::make_mut(&mut one.plan).axes.remove(0);
     let made = report(
         &[one],
         &ReportOptions {

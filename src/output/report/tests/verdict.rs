@@ -3,7 +3,7 @@
 use super::*;
 use lumbre_render::Peer;
 
-fn verdict(night: NightResults) -> String {
+fn verdict(night: Night) -> String {
     let made = report(&[night], &ReportOptions::default());
     text(&made, "verdict", "md")
 }
@@ -29,7 +29,7 @@ fn the_page_begins_with_the_winners() {
 fn bars_and_line_breaks_in_names_do_not_break_the_table_of_winners() {
     let named = |device: &str, speed: f64| {
         let mut named = night(device, speed);
-        for run in &mut named.runs {
+        for run in named.runs.iter_mut().map(planned) {
             run.point[0].1 = Value::Str(format!("a|b\n{}", run.scene));
             run.point[1].1 = Value::Str(format!("{}|2", run.integrator));
         }
@@ -58,13 +58,13 @@ fn equal_techniques_have_no_winner() {
         .iter()
         .cloned()
         .partition(|run| run.integrator == "bpt");
-    for run in &mut same.runs {
+    for run in same.runs.iter_mut().map(Arc::make_mut) {
         let all = if run.scene == "box.scn" {
             &of_bpt
         } else {
             &of_nee
         };
-        let is_twin = |other: &&RunResult| other.repeat == run.repeat && other.scene == run.scene;
+        let is_twin = |other: &&Arc<Run>| other.repeat == run.repeat && other.scene == run.scene;
         run.rows = all.iter().find(is_twin).unwrap().rows.clone();
     }
     let markdown = verdict(same);
@@ -85,7 +85,7 @@ fn weak_evidence_is_named() {
     assert!(markdown.contains("from 1 finished repeat:"), "{markdown}");
 
     let mut noisy = night("Sample GPU", 1.0);
-    for run in &mut noisy.runs {
+    for run in noisy.runs.iter_mut().map(Arc::make_mut) {
         run.floors = vec![("rmse".to_owned(), 0.012)];
     }
     let made = report(&[noisy], &ReportOptions::default());
@@ -108,7 +108,7 @@ fn weak_evidence_is_named() {
     for row in easy
         .runs
         .iter_mut()
-        .flat_map(|run| Arc::make_mut(&mut run.rows))
+        .flat_map(|run| Arc::make_mut(&mut Arc::make_mut(run).rows))
     {
         row.metrics[1] = 0.99;
     }
@@ -120,8 +120,9 @@ fn weak_evidence_is_named() {
 #[test]
 fn the_page_does_not_repeat_rmse_as_mse() {
     let mut squared = night("Sample GPU", 1.0);
-    squared.metrics[1] = MetricSpec::new("mse", "mse", BTreeMap::new()).unwrap();
-    for run in &mut squared.runs {
+    Arc::make_mut(&mut squared.plan).metrics[1] =
+        MetricSpec::new("mse", "mse", BTreeMap::new()).unwrap();
+    for run in squared.runs.iter_mut().map(Arc::make_mut) {
         run.floors = vec![("rmse".to_owned(), 0.012), ("mse".to_owned(), 0.000_144)];
         for row in Arc::make_mut(&mut run.rows) {
             row.metrics[1] = row.metrics[0] * row.metrics[0];
@@ -140,14 +141,14 @@ fn the_page_does_not_repeat_rmse_as_mse() {
 fn techniques_with_and_without_vectors_are_told_apart() {
     let mut mixed = night("Sample GPU", 1.0);
     for run in mixed.runs.iter_mut().filter(|run| run.integrator == "bpt") {
-        run.lanes = Some(1);
+        Arc::make_mut(run).lanes = Some(1);
     }
     let markdown = verdict(mixed.clone());
     let expected = "bpt traced one path at a time, and nee many at a time in vectors";
     assert!(markdown.contains(expected), "{markdown}");
     assert!(!markdown.contains("llvm_ad_rgb"), "{markdown}");
     for run in mixed.runs.iter_mut().filter(|run| run.lanes == Some(1)) {
-        run.peer = Some(Peer::default());
+        Arc::make_mut(run).peer = Some(Peer::default());
     }
     let markdown = verdict(mixed);
     assert!(markdown.contains(expected), "{markdown}");
@@ -158,16 +159,16 @@ fn techniques_with_and_without_vectors_are_told_apart() {
 #[test]
 fn references_that_runs_use_are_named_with_their_checks() {
     let mut own = night("Sample GPU", 1.0);
-    own.references.push(ReferenceResult {
+    own.references.push(Arc::new(Reference {
         origin: ReferenceOrigin::Rendered {
             integrator: "lvc".to_owned(),
             samples: 99,
         },
-        ..own.references[0].clone()
-    });
+        ..Reference::clone(&own.references[0])
+    }));
     let checked = |agrees| {
         let mut own = own.clone();
-        own.references[0].checks = vec![BiasCheckSummary {
+        Arc::make_mut(&mut own.references[0]).checks = vec![BiasCheckSummary {
             technique: "lvc".to_owned(),
             agrees,
             finding: "3 of 20 comparisons differ".to_owned(),
@@ -189,14 +190,14 @@ fn references_that_runs_use_are_named_with_their_checks() {
 #[test]
 fn crops_show_the_least_noisy_reference_and_warn_if_references_differ() {
     let mut own = night("Sample GPU", 1.0);
-    own.references.push(ReferenceResult {
+    own.references.push(Arc::new(Reference {
         picture: Some(PathBuf::from("second.exr")),
-        ..own.references[0].clone()
-    });
+        ..Reference::clone(&own.references[0])
+    }));
     for run in &mut own.runs {
         let is_bpt = run.integrator == "bpt";
-        run.reference = Some(usize::from(!is_bpt));
-        run.floors = vec![("rmse".to_owned(), if is_bpt { 0.02 } else { 0.001 })];
+        planned(run).reference = Some(usize::from(!is_bpt));
+        Arc::make_mut(run).floors = vec![("rmse".to_owned(), if is_bpt { 0.02 } else { 0.001 })];
     }
     let caption_with = |factor: f32| {
         let pictures = |path: &Path| {

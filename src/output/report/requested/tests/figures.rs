@@ -6,8 +6,8 @@ use std::collections::BTreeSet;
 
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::{FigureKind, FigureSpec, FigureX};
-use crate::experiment::{CellRef, CellResult, Outcome};
-use crate::output::fixture::{done, ended, numbers, plan, texts};
+use crate::experiment::{CellRef, Event, Outcome};
+use crate::output::fixture::{self, done, ended, numbers, plan, texts};
 use crate::output::plot::{rasterize, style};
 use crate::output::report::requested;
 use crate::output::report::requested::FigureFiles;
@@ -16,10 +16,11 @@ use crate::output::report::requested::figures::{LONGEST_STEM, unique_stem};
 fn figures(
     plan: &Plan,
     spec: &FigureSpec,
-    results: &[CellResult],
-    device: impl Fn(&CellResult) -> Option<String>,
+    results: &[Event],
+    device: impl Fn(CellRef, &Outcome) -> Option<String>,
 ) -> Vec<FigureFiles> {
-    requested::figures(plan, &requested::night(plan, results, device), spec)
+    let night = fixture::night(plan, results);
+    requested::figures(plan, &requested::night(&night, device), spec)
 }
 
 fn spec(y: &[&str], by: Option<&str>, facet: &[&str]) -> FigureSpec {
@@ -37,7 +38,7 @@ fn spec(y: &[&str], by: Option<&str>, facet: &[&str]) -> FigureSpec {
 }
 
 /// Night of two scenes, three depths and two repeats. Errors fall with the square root of time.
-fn night() -> (Plan, Vec<CellResult>) {
+fn night() -> (Plan, Vec<Event>) {
     let plan = plan(
         &[
             ("scene", texts(&["box", "lamps & <glass>"])),
@@ -62,8 +63,8 @@ fn waves(cell: usize) -> Vec<(f64, f64)> {
 }
 
 /// Draws the figures of a night on one device.
-fn drawn(plan: &Plan, spec: &FigureSpec, results: &[CellResult]) -> Vec<FigureFiles> {
-    figures(plan, spec, results, |_| None)
+fn drawn(plan: &Plan, spec: &FigureSpec, results: &[Event]) -> Vec<FigureFiles> {
+    figures(plan, spec, results, |_, _| None)
 }
 
 fn count(svg: &str, what: &str) -> usize {
@@ -170,7 +171,7 @@ fn without_by_every_point_has_a_separate_curve() {
 
 /// Builds a night of two depths and three repeats, of which the first depth has finished and one
 /// repeat of the second. Errors fall with the square root of time from 0.5, 1, 2 and 3.
-fn repeated() -> (Plan, Vec<CellResult>) {
+fn repeated() -> (Plan, Vec<Event>) {
     let plan = plan(&[("depth", numbers(&[2.0, 5.0]))], 3);
     let falling = |from: f64| -> Vec<(f64, f64)> {
         (0..8)
@@ -251,10 +252,10 @@ fn nothing_measured_gives_no_picture() {
     let one = spec(&["rmse"], Some("depth"), &["scene"]);
     assert!(drawn(&plan, &one, &[]).is_empty());
     assert!(drawn(&plan, &one, &[ended(0, Outcome::Interrupted)]).is_empty());
-    let reference = CellResult {
-        cell: CellRef::Reference(0),
-        ..done(0, &waves(0))
-    };
+    let mut reference = done(0, &waves(0));
+    if let Event::CellFinished { cell, .. } = &mut reference {
+        *cell = CellRef::Reference(0);
+    }
     assert!(drawn(&plan, &one, &[reference]).is_empty());
 }
 
@@ -314,8 +315,8 @@ fn figures_are_drawable_and_deterministic() {
 }
 
 /// Returns another device for every second pair of repeats.
-fn alternating_device(result: &CellResult) -> Option<String> {
-    match result.cell {
+fn alternating_device(cell: CellRef, _: &Outcome) -> Option<String> {
+    match cell {
         CellRef::Cell(i) => Some(if i / 2 % 2 == 0 { "a lens" } else { "a prism" }.to_owned()),
         CellRef::Reference(_) => None,
     }
@@ -350,7 +351,7 @@ fn times_of_several_devices_never_share_an_axis() {
         y: vec!["rmse".to_owned()],
     };
     assert_eq!(stems(&FigureSpec { kind, ..by.clone() }).len(), 2);
-    let one = |_: &CellResult| Some("a lens".to_owned());
+    let one = |_: CellRef, _: &Outcome| Some("a lens".to_owned());
     assert_eq!(
         figures(&plan, &by, &results, one),
         drawn(&plan, &by, &results)

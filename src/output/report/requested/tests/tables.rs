@@ -2,8 +2,8 @@
 
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::{RunColumn, TableSpec, TableValue};
-use crate::experiment::{CellRef, CellResult, Outcome};
-use crate::output::fixture::{done, ended, numbers, plan, texts};
+use crate::experiment::{CellRef, Event, Outcome};
+use crate::output::fixture::{self, done, ended, measured, numbers, plan, texts};
 use crate::output::quantity::Bound;
 use crate::output::report::requested;
 use crate::output::table::{Interval, Table, TableCell};
@@ -11,14 +11,15 @@ use crate::output::table::{Interval, Table, TableCell};
 fn tables(
     plan: &Plan,
     spec: &TableSpec,
-    results: &[CellResult],
-    device: impl Fn(&CellResult) -> Option<String>,
+    results: &[Event],
+    device: impl Fn(CellRef, &Outcome) -> Option<String>,
 ) -> Vec<Table> {
-    requested::tables(plan, &requested::night(plan, results, device), spec)
+    let night = fixture::night(plan, results);
+    requested::tables(plan, &requested::night(&night, device), spec)
 }
 
-fn build(plan: &Plan, spec: &TableSpec, results: &[CellResult]) -> Table {
-    tables(plan, spec, results, |_| None).remove(0)
+fn build(plan: &Plan, spec: &TableSpec, results: &[Event]) -> Table {
+    tables(plan, spec, results, |_, _| None).remove(0)
 }
 
 fn spec(value: TableValue, rows: &[&str], cols: &[&str]) -> TableSpec {
@@ -80,7 +81,7 @@ fn other_axes_and_repeats_are_averaged_and_counted() {
 fn times_of_several_devices_have_separate_tables() {
     let plan = night();
     let results: Vec<_> = (0..7).map(|i| done(i, &[(1.0 + i as f64, 0.5)])).collect();
-    let name = |r: &CellResult| match r.cell {
+    let name = |cell: CellRef, _: &Outcome| match cell {
         CellRef::Cell(i) => Some(if i < 4 { "a lens" } else { "a prism" }.to_owned()),
         CellRef::Reference(_) => None,
     };
@@ -158,12 +159,10 @@ fn means_of_repeats_have_an_interval_and_a_a_duplicates_are_left_out() {
 
 #[test]
 fn gaps_show_as_dashes_and_unfinished_runs_are_left_out() {
-    let mut broken = done(2, &[(1.0, 0.5)]);
-    broken.outcome = Outcome::Failed("lost".to_owned());
     let results = [
         done(0, &[(1.0, 0.25)]),
         done(1, &[(1.0, 0.75)]),
-        broken,
+        measured(2, Outcome::Failed("lost".to_owned()), &[(1.0, 0.5)]),
         ended(3, Outcome::Interrupted),
     ];
     let table = build(

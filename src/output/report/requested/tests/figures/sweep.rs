@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::experiment::spec::{RunColumn, TableValue};
+use crate::output::fixture::measured;
 use lumbre_light::value::Value;
 
 /// Specification of a figure over an axis of the sweep.
@@ -30,7 +31,10 @@ fn final_values_are_drawn_over_an_axis_with_a_line_for_each_value_of_the_others(
     let (plan, mut results) = night();
     // Build times of 1, 2 and 3 s at the three depths, 20 % more in the second repeat.
     for (i, result) in results.iter_mut().enumerate() {
-        result.open.accel_build_s = (1 + i % 6 / 2) as f64 * if i % 2 == 0 { 1.0 } else { 1.2 };
+        if let Event::CellFinished { open, .. } = result {
+            let build_s = (1 + i % 6 / 2) as f64 * if i % 2 == 0 { 1.0 } else { 1.2 };
+            open.as_mut().unwrap().accel_build_s = build_s;
+        }
     }
     let y = [
         TableValue::Run(RunColumn::AccelBuildS),
@@ -73,7 +77,7 @@ fn final_values_are_drawn_over_an_axis_with_a_line_for_each_value_of_the_others(
         ["9", "accel_build_s", "9", "3.3"].map(str::to_owned)
     );
     // Errors are those after the last wave. Their mean is geometric, as in convergence figures.
-    let last = |cell: usize| results[cell].rows.last().unwrap().metrics[0];
+    let last = |cell: usize| waves(cell).last().unwrap().1;
     let mean: f64 = lines[6][4].parse().unwrap();
     assert!((mean - (last(0) * last(1)).sqrt()).abs() < 1e-12, "{mean}");
 }
@@ -124,8 +128,8 @@ fn plan_of_two() -> Plan {
 #[test]
 fn only_finished_and_requested_runs_are_drawn_over_an_axis() {
     let (plan, mut results) = night();
-    results[0].outcome = Outcome::Interrupted;
-    results[3].outcome = Outcome::Failed("lost".to_owned());
+    results[0] = measured(0, Outcome::Interrupted, &waves(0));
+    results[3] = measured(3, Outcome::Failed("lost".to_owned()), &waves(3));
     let one = over(
         "depth",
         &[TableValue::Run(RunColumn::Samples)],
@@ -202,7 +206,7 @@ fn a_threshold_that_a_repeat_did_not_reach_has_no_point() {
 #[test]
 fn times_over_an_axis_have_separate_figures_for_each_device() {
     let (plan, results) = night();
-    let name = |r: &CellResult| match r.cell {
+    let name = |cell: CellRef, _: &Outcome| match cell {
         CellRef::Cell(i) => Some(if i % 6 < 2 { "a lens" } else { "a prism" }.to_owned()),
         CellRef::Reference(_) => None,
     };
@@ -221,7 +225,7 @@ fn times_over_an_axis_have_separate_figures_for_each_device() {
 
 /// Night of two techniques and four depths. Each depth has a different radius; the first two and
 /// the last two depths have the same filter.
-fn zipped() -> (Plan, Vec<CellResult>) {
+fn zipped() -> (Plan, Vec<Event>) {
     let mut plan = plan(
         &[
             ("technique", texts(&["bpt", "nee"])),
@@ -305,7 +309,7 @@ fn a_line_over_techniques_is_not_named_after_one() {
     let mut only = plan;
     only.cells
         .retain(|cell| cell.point[1].1 == Value::number(3.0));
-    let results: Vec<CellResult> = (0..2).map(|i| done(i, &[(1.0 + i as f64, 0.5)])).collect();
+    let results: Vec<Event> = (0..2).map(|i| done(i, &[(1.0 + i as f64, 0.5)])).collect();
     let svg = drawn(
         &only,
         &over(
