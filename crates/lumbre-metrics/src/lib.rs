@@ -5,20 +5,11 @@
 //! value NaN, so a broken pixel is never averaged away.
 //!
 //! Every metric except `hdr_flip`, which has its own tone mapper, takes the option `on`, a tone map
-//! that is applied to both images first. Without it the metric receives linear radiance. Tone map,
-//! range and all other options are part of [`MetricSpec::identity`], since values are comparable
-//! only if all of them agree.
+//! that is applied to both images first. Without it the metric receives linear radiance, except for
+//! `psnr` and `ssim`, which use `srgb` unless a `range` is given. All options are part of
+//! [`MetricSpec::identity`], since values are comparable only if all of them agree.
 //!
-//! # Bibliography
-//! [Wang 2004] Image Quality Assessment: From Error Visibility to Structural Similarity. [Rousselle
-//! 2011] Adaptive Sampling and Reconstruction using Greedy Error Minimization. [Andersson et al.
-//! 2020] FLIP: A Difference Evaluator for Alternating Images. [Andersson et al. 2021] Visualizing
-//! Errors in Rendered High Dynamic Range Images. [Abasi 2020] Distance Metrics for Very Large Color
-//! Differences. [Hunt 2004] The Reproduction of Colour. [Hampel 1974] The Influence Curve and Its
-//! Role in Robust Estimation. [Moreland 2009] Diverging Color Maps for Scientific Visualization.
-//! [Reinhard 2002] Photographic Tone Reproduction for Digital Images. [Vogels et al. 2018] Denoising
-//! with Kernel Prediction and Asymmetric Loss Functions. [Müller et al. 2019] Neural Importance
-//! Sampling.
+//! `docs/bibliography.md` lists the works that the metrics cite.
 
 mod bias;
 pub mod colour;

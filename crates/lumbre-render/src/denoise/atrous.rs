@@ -77,7 +77,7 @@ pub struct AtrousSettings {
 }
 
 impl Default for AtrousSettings {
-    /// Returns the settings that were chosen by measurement: `docs/notes/denoising.md`.
+    /// Returns the settings that were chosen by measurement: `docs/notes/techniques.md`.
     fn default() -> AtrousSettings {
         AtrousSettings {
             levels: 4,

@@ -58,7 +58,7 @@ impl Isa {
 
     /// Returns the number of primitives up to which a scene without instances is one leaf, so that
     /// its rays are traced in lanes: more where there are more lanes
-    /// (docs/notes/vectorisation.md). At most 85, since indices of corners are bytes.
+    /// (docs/notes/cpu.md). At most 85, since indices of corners are bytes.
     pub fn one_leaf(self) -> usize {
         match self {
             Isa::Portable | Isa::Avx2 => 5 * LANES,

@@ -2,7 +2,7 @@
 //!
 //! The first write to a page makes the operating system map it, which takes many times as long as
 //! clearing mapped memory: 0.27 to 0.41 s for a film of 178 MB, instead of 0.02 s
-//! (docs/notes/time-axes.md). So that no run's time includes this, slots are written before the
+//! (docs/notes/cpu.md). So that no run's time includes this, slots are written before the
 //! clock starts, and their memory is recycled for the next run.
 //!
 //! Films larger than [`MAX_KEPT_BYTES`] are not written beforehand, and their pages are mapped when

@@ -18,7 +18,7 @@ pub(super) struct ShearedRays<R: Real> {
 
 /// Number of corners up to which sheared corners are stored on the stack. Zeroing this array costs
 /// less than allocating aligned memory for every few hundred rays: `nee` is 1.05 times as fast
-/// (docs/notes/vectorisation.md).
+/// (docs/notes/cpu.md).
 const STACK_CORNERS: usize = 32;
 
 /// Buffer of the sheared corners of a group of rays.
