@@ -13,8 +13,8 @@ use serde_json::{Value as Json, json};
 use super::about::doctor;
 use super::scene::builtin::BuiltIn;
 use crate::cli::args::BenchArgs;
-use crate::store::Host;
 use lumbre_light::scene::load::MissingTextures;
+use lumbre_night::store::Host;
 use lumbre_render::cpu::bvh::simd::Isa;
 
 use subject::Subject;

@@ -7,7 +7,6 @@ use std::sync::Arc;
 
 use serde_json::{Value as Json, json};
 
-use crate::backends::backend;
 use crate::cli::args::{Global, TraceArgs, integrator_row, unknown_name};
 use crate::cli::bench::subject::Subject;
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
@@ -20,6 +19,7 @@ use lumbre_light::scene::load::{FORMATS, is_folder};
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::sampler::{SAMPLER_NAMES, sampler};
 use lumbre_light::value::Value;
+use lumbre_night::backends::backend;
 use lumbre_render::Job;
 use lumbre_render::path_trace::{MAX_PATH_EVENTS, PathEvent, SampleAt};
 

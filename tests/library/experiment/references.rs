@@ -3,18 +3,18 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use lumbre::experiment::event::{FinishedRun, History};
-use lumbre::experiment::noise_floor::{HalfImages, floors};
-use lumbre::experiment::outcome::Level;
-use lumbre::experiment::run::{Seams, run_with};
-use lumbre::experiment::run_progress::{Checkpoint, RunProgress};
-use lumbre::experiment::shards::Shard;
-use lumbre::experiment::spec::{BiasCheckRequest, ReferenceRequest};
-use lumbre::experiment::stop::Comparison;
-use lumbre::experiment::{CellRef, Event, Outcome, Plan, SinkError, StopRule};
 use lumbre_light::film::Image;
 use lumbre_light::scene::CompiledScene;
 use lumbre_metrics::MetricSpec;
+use lumbre_night::experiment::event::{FinishedRun, History};
+use lumbre_night::experiment::noise_floor::{HalfImages, floors};
+use lumbre_night::experiment::outcome::Level;
+use lumbre_night::experiment::run::{Seams, run_with};
+use lumbre_night::experiment::run_progress::{Checkpoint, RunProgress};
+use lumbre_night::experiment::shards::Shard;
+use lumbre_night::experiment::spec::{BiasCheckRequest, ReferenceRequest};
+use lumbre_night::experiment::stop::Comparison;
+use lumbre_night::experiment::{CellRef, Event, Outcome, Plan, SinkError, StopRule};
 use lumbre_render::Settings;
 use lumbre_render::mock::{MockRenderer, RELATIVE_SIGMA};
 use lumbre_render::{Job, RenderError, Renderer};

@@ -355,7 +355,7 @@ fn variables_are_options_of_the_scene() {
         let options = options
             .iter()
             .map(|(name, v)| ((*name).to_owned(), v.clone()));
-        lumbre::script::scene::read(
+        lumbre_lua::scene::read(
             &folder.path(file),
             &options.collect(),
             MissingTextures::Fail,

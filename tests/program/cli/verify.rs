@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use lumbre::output::exr;
 use lumbre_light::film::Image;
 use lumbre_light::scene::edit::set;
 use lumbre_light::scene::{compile, load};
 use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow, integrator};
 use lumbre_render::Job;
+use lumbre_report::exr;
 use serde_json::{Value as Json, json};
 
 use super::workplace::Workplace;

@@ -8,10 +8,10 @@ use std::time::Instant;
 
 use serde_json::{Value as Json, json};
 
-use lumbre::experiment::memory;
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::desc::{SceneDesc, ShapeDesc, Texels};
 use lumbre_light::scene::{CompiledScene, compile, load};
+use lumbre_night::experiment::memory;
 use lumbre_render::cpu::bvh::accel::Accel;
 
 /// Quads along each side of the mesh: 1,000,000 triangles.

@@ -38,13 +38,16 @@ const READERS: [(&str, &[&str]); 14] = [
             "crates/lumbre-light/src/scene/load/openexr.rs",
         ],
     ),
-    ("lua", &["src/script/scene/"]),
+    ("lua", &["crates/lumbre-lua/src/scene/"]),
     ("mitsuba", &["crates/lumbre-light/src/scene/load/mitsuba/"]),
     ("mtl", &["crates/lumbre-light/src/scene/load/obj/mtl.rs"]),
     ("obj", &["crates/lumbre-light/src/scene/load/obj/"]),
     ("pbrt", &["crates/lumbre-light/src/scene/load/pbrt/"]),
     ("ply", &["crates/lumbre-light/src/scene/load/ply"]),
-    ("rows", &["src/store/write/metrics_csv.rs"]),
+    (
+        "rows",
+        &["crates/lumbre-night/src/store/write/metrics_csv.rs"],
+    ),
     ("scn", &["crates/lumbre-light/src/scene/load/scn/"]),
     (
         "serialized",
