@@ -122,7 +122,7 @@ pub enum StoreError {
 
 impl StoreError {
     /// Converts the error of a failed file operation.
-    fn io(action: &'static str, path: &std::path::Path, error: &std::io::Error) -> StoreError {
+    pub fn io(action: &'static str, path: &std::path::Path, error: &std::io::Error) -> StoreError {
         StoreError::Io {
             action,
             path: path.to_owned(),

@@ -31,9 +31,9 @@ use crate::store::write::atomic;
 use crate::store::{StoreError, layout, regular_file};
 
 /// Name of the claim file in a run's folder.
-pub(crate) const FILE: &str = ClaimFile::NAME;
+pub const FILE: &str = ClaimFile::NAME;
 /// Interval at which an owner rewrites its claims.
-pub(crate) const HEARTBEAT: Duration = Duration::from_secs(20);
+pub const HEARTBEAT: Duration = Duration::from_secs(20);
 /// Time without a heartbeat after which an owner on another machine counts as dead.
 pub const LEASE: Duration = Duration::from_secs(120);
 /// Environment variable that disables file locks with `LUMBRE_LOCKS=none`, for file systems that
@@ -44,7 +44,7 @@ const MAX_ATTEMPTS: usize = 100;
 
 /// Claims held by this process.
 #[derive(Debug)]
-pub(crate) struct Claims {
+pub struct Claims {
     owner: Owner,
     held: HeldClaims,
     /// Claims of other machines that were found alive: the modification time, and when it was read.
@@ -78,13 +78,13 @@ enum LockState {
 
 impl Claims {
     /// Creates an empty set of claims and starts the thread that renews them.
-    pub(crate) fn new() -> Claims {
+    pub fn new() -> Claims {
         Claims::with_locks(std::env::var(LOCKS_VARIABLE).map_or(true, |value| value != "none"))
     }
 
     /// Creates an empty set of claims without locks and without a heartbeat thread. The cluster
     /// simulation keeps a thousand of them in one process.
-    pub(crate) fn without_heartbeat() -> Claims {
+    pub fn without_heartbeat() -> Claims {
         let (end, _) = sync_channel(0);
         Claims {
             owner: Owner::current(),
@@ -130,7 +130,7 @@ impl Claims {
     }
 
     /// Identity of the process that owns the claims.
-    pub(crate) fn owner(&self) -> &Owner {
+    pub fn owner(&self) -> &Owner {
         &self.owner
     }
 
@@ -139,7 +139,7 @@ impl Claims {
     ///
     /// # Errors
     /// When the folder cannot be created.
-    pub(crate) fn own_journal(&self, experiment: &Path) -> Result<PathBuf, StoreError> {
+    pub fn own_journal(&self, experiment: &Path) -> Result<PathBuf, StoreError> {
         let workers = experiment.join(crate::store::worker::registry::FOLDER);
         fs::create_dir_all(&workers).map_err(|e| StoreError::io("create", &workers, &e))?;
         Ok(workers.join(format!("{}.jsonl", self.owner.name())))
@@ -150,7 +150,7 @@ impl Claims {
     ///
     /// # Errors
     /// When the claim can be neither read nor written.
-    pub(crate) fn acquire(&self, folder: &Path) -> Result<Claim, StoreError> {
+    pub fn acquire(&self, folder: &Path) -> Result<Claim, StoreError> {
         let path = folder.join(FILE);
         if lock_mutex(&self.held).contains_key(folder) {
             return Ok(Claim::Granted);
@@ -287,7 +287,7 @@ impl Claims {
     }
 
     /// Whether the claim of a folder still belongs to this process.
-    pub(crate) fn holds(&self, folder: &Path) -> bool {
+    pub fn holds(&self, folder: &Path) -> bool {
         let held = lock_mutex(&self.held);
         let Some(claim) = held.get(folder) else {
             return false;
@@ -301,7 +301,7 @@ impl Claims {
     }
 
     /// Releases a claim. Does nothing if this process does not hold it.
-    pub(crate) fn release(&self, folder: &Path) {
+    pub fn release(&self, folder: &Path) {
         let Some(claim) = lock_mutex(&self.held).remove(folder) else {
             return;
         };

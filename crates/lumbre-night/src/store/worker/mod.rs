@@ -1,7 +1,6 @@
 //! Nights that many workers render together: plan snapshot, worker registry, reference shards,
 //! completion markers, and a simulation of a large cluster.
 
-pub mod cluster_simulation;
 pub(crate) mod completion_markers;
 pub(crate) mod plan_snapshot;
 pub(crate) mod registry;

@@ -8,11 +8,11 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
 
-use crate::experiment::run::backoff::{BATCH, Backoff, TICK_S};
-use crate::experiment::run_progress::Claim;
-use crate::store::StoreError;
-use crate::store::lock::claim;
-use crate::store::lock::claim::{Claims, HEARTBEAT, LEASE};
+use lumbre_night::experiment::run::backoff::{BATCH, Backoff, TICK_S};
+use lumbre_night::experiment::run_progress::Claim;
+use lumbre_night::store::StoreError;
+use lumbre_night::store::lock::claim;
+use lumbre_night::store::lock::claim::{Claims, HEARTBEAT, LEASE};
 
 /// Parameters of the simulated night. All times are virtual.
 #[derive(Clone, Copy, Debug)]
@@ -439,7 +439,7 @@ impl Simulator {
 
 #[cfg(test)]
 mod tests {
-    use crate::store::worker::cluster_simulation::*;
+    use super::*;
 
     fn parameters(death: f64, stall: f64) -> ClusterSimulation {
         ClusterSimulation {
