@@ -25,7 +25,7 @@ use lumbre_night::store::write::metrics_csv;
 use lumbre_light::film::time::TimeAxis;
 use lumbre_light::scene::compile::SHARED_FROM;
 use lumbre_light::scene::desc::{EntityDesc, SceneDesc, ShapeDesc};
-use lumbre_light::scene::load::{self, MissingTextures};
+use lumbre_scene_io::load::{self, MissingTextures};
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::path_time::Timing;

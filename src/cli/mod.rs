@@ -31,7 +31,7 @@ pub use about::reference::reference;
 
 use args::{BenchArgs, Cli, Global, Verb};
 use exit::{Exit, Failure, print_result, print_status};
-use lumbre_light::scene::load::files;
+use lumbre_scene_io::load::files;
 use lumbre_night::experiment::memory;
 use lumbre_render::own_technique::OwnTechnique;
 

@@ -3,8 +3,9 @@
 use std::fs;
 
 use lumbre_light::scene::desc::{DelayKind, SceneDesc, TextureSlot};
-use lumbre_light::scene::load::MissingTextures;
-use lumbre_light::scene::{compile, load};
+use lumbre_scene_io::load::MissingTextures;
+use lumbre_scene_io::load;
+use lumbre_light::scene::compile;
 use lumbre_lua::scene;
 
 /// The material of thesis S2, figure B.3, inside a further delay, and the objects that use it.

@@ -15,7 +15,7 @@ use lumbre_light::scene::compile::{
     Model, Sharing, Texture, UvMap, compile_sharing,
 };
 use lumbre_light::scene::desc::{DelayDesc, DelayKind};
-use lumbre_light::scene::load::load;
+use lumbre_scene_io::load::load;
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::transport::delay::Profile;
 use lumbre_light::transport::integrator::integrator;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use super::error::{Highlight, Problem, ScriptError};
 use super::locate;
-use lumbre_light::scene::load::files;
+use lumbre_scene_io::load::files;
 use lumbre_light::value::schema::SchemaError;
 
 /// Largest accepted size of a script or module, in bytes.

@@ -15,7 +15,7 @@ use exr::prelude::{
 
 use super::{OutputError, PREFIX, check_shape};
 use lumbre_light::film::Image;
-use lumbre_light::scene::load::openexr;
+use lumbre_scene_io::load::openexr;
 
 /// Encodes an image as EXR with the channels R, G and B as `f32`. Each pair of `meta` becomes a
 /// text attribute `lumbre.<key>`. Keys must be unique and not empty.

@@ -13,7 +13,7 @@ use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use super::OutputError;
 use lumbre_light::film::Image;
-use lumbre_light::scene::load::openexr;
+use lumbre_scene_io::load::openexr;
 use lumbre_metrics::tonemap::srgb_light;
 
 /// Maximum number of pixels of a picture: 2^28, which is 3 GiB of `f32` RGB.

@@ -5,7 +5,7 @@ use serde_json::{Value as Json, json};
 use crate::cli::args::SchemaArgs;
 use crate::cli::exit::{Exit, Failure, print_result};
 use lumbre_light::scene::desc::{MATERIAL_PARAMS, TextureSlot};
-use lumbre_light::scene::load::FORMATS;
+use lumbre_scene_io::load::FORMATS;
 use lumbre_light::transport::integrator::integrators;
 use lumbre_light::transport::sampler::SAMPLERS;
 use lumbre_light::value::schema::{Field, Table, Ty};

@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use crate::cli::args::SceneArg;
 use crate::cli::scene::builtin::scene_name;
-use lumbre_light::scene::load::MissingTextures;
-use lumbre_light::scene::{SceneDesc, edit};
+use lumbre_scene_io::load::MissingTextures;
+use lumbre_scene_io::edit;
+use lumbre_light::scene::SceneDesc;
 use lumbre_light::value::Value;
 
 /// Settings that select a view of the scene: the key of scripts, and the value that it changes.

@@ -7,7 +7,7 @@ use clap::Parser;
 use crate::cli::args::{Cli, Global, ScriptArgs, Verb};
 use crate::cli::exit::Failure;
 use crate::cli::format::display_path;
-use lumbre_light::scene::load::files;
+use lumbre_scene_io::load::files;
 use lumbre_night::paths::SCRIPT_COPY;
 use lumbre_night::store::StoredFile;
 use lumbre_night::store::schema::plan::EnvFile;

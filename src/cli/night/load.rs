@@ -9,7 +9,7 @@ use crate::cli::args::{Global, ScriptArgs};
 use crate::cli::exit::{Failure, print_status};
 use crate::cli::format::display_path;
 use lumbre_light::film::Image;
-use lumbre_light::scene::load::{FORMATS, MissingTextures, files};
+use lumbre_scene_io::load::{FORMATS, MissingTextures, files};
 use lumbre_light::scene::{Note, SceneDesc, SceneError};
 use lumbre_light::value::{Value, suggest};
 use lumbre_lua::{Script, ScriptError};

@@ -98,7 +98,7 @@ fn check_lua(file: &Path, global: &Global) -> Result<Checked, Failure> {
 
 /// Checks a scene file of any format.
 fn check_scene(file: &Path, global: &Global) -> Result<Checked, Failure> {
-    if file.is_dir() && !scene::load::is_folder(file) {
+    if file.is_dir() && !lumbre_scene_io::load::is_folder(file) {
         return Err(Failure::usage(format!(
             "{} is a folder; give the files in it",
             file.display()

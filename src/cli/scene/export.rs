@@ -6,7 +6,7 @@ use crate::cli::args::{ExportArgs, Global};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path};
 use crate::cli::inspect::export_night;
-use lumbre_light::scene::{edit, export};
+use lumbre_scene_io::{edit, export};
 
 /// Runs `lumbre export`: reads a scene, applies its options and settings, and writes it.
 pub fn main(args: &ExportArgs, global: &Global) -> Result<Exit, Failure> {

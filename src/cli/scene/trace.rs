@@ -15,7 +15,7 @@ use crate::cli::reproduce::stored_run;
 use crate::cli::selector;
 use lumbre_light::scene::compile::MAX_FLATTENED_PRIMITIVES;
 use lumbre_light::scene::desc::MAX_SIDE;
-use lumbre_light::scene::load::{FORMATS, is_folder};
+use lumbre_scene_io::load::{FORMATS, is_folder};
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::sampler::{SAMPLER_NAMES, sampler};
 use lumbre_light::value::Value;

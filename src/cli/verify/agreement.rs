@@ -12,7 +12,7 @@ use super::technique::{self, Technique};
 use super::{Check, VerifyRequest};
 use crate::cli::night::load;
 use crate::cli::scene::builtin::{BuiltIn, scene_name};
-use lumbre_light::scene::load::MissingTextures;
+use lumbre_scene_io::load::MissingTextures;
 use lumbre_light::scene::{CompiledScene, compile};
 
 /// Identifies the seeds of these checks.

@@ -11,7 +11,7 @@ use super::technique::Technique;
 use super::{Check, Outcome, Verdict, VerifyRequest};
 use crate::cli::night::load;
 use crate::cli::scene::builtin::{BuiltIn, scene_name};
-use lumbre_light::scene::load::MissingTextures;
+use lumbre_scene_io::load::MissingTextures;
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::{Camera, FilterSpec};

@@ -18,7 +18,7 @@ use crate::cli::night::load;
 use lumbre_light::film::Image;
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::compile;
-use lumbre_light::scene::load::MissingTextures;
+use lumbre_scene_io::load::MissingTextures;
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::sampler::SOBOL;
 use lumbre_render::cpu::renderer::CpuRenderer;

@@ -9,7 +9,7 @@ use crate::cli::args::{ExploreArgs, Global};
 use crate::cli::exit::{Exit, Failure};
 use crate::cli::night::signals;
 use crate::cli::scene::builtin::{BuiltIn, scene_name};
-use lumbre_light::scene::load::is_folder;
+use lumbre_scene_io::load::is_folder;
 use lumbre_night::experiment::NightControls;
 use lumbre_night::paths::folder_of;
 use lumbre_render::cpu;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use lumbre_light::scene::load::MissingTextures;
+use lumbre_scene_io::load::MissingTextures;
 use lumbre_light::value::Value;
 use lumbre_night::experiment::Plan;
 use lumbre_night::experiment::plan::{Overrides, expand};

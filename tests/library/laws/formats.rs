@@ -2,7 +2,7 @@
 //! supports.
 
 use lumbre_light::scene::desc::MATERIAL_PARAMS;
-use lumbre_light::scene::load::{FORMATS, FormatRow};
+use lumbre_scene_io::load::{FORMATS, FormatRow};
 
 use super::source::{root, rust_files, text};
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use lumbre_light::scene::desc::MATERIAL_PARAMS;
-use lumbre_light::scene::load::FORMATS;
+use lumbre_scene_io::load::FORMATS;
 use lumbre_light::transport::integrator::INTEGRATORS;
 use lumbre_light::transport::sampler::{SAMPLERS, sampler};
 use lumbre_light::value::schema::{Field, Table, Ty};

@@ -3,7 +3,7 @@
 
 use glam::Vec3;
 use lumbre_light::scene::compile::NONE;
-use lumbre_light::scene::load::load;
+use lumbre_scene_io::load::load;
 use lumbre_light::scene::{CompiledScene, SceneDesc, compile};
 
 use super::builtin_path;

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::content_hash;
-use lumbre_light::scene::load::MissingTextures;
+use lumbre_scene_io::load::MissingTextures;
 use lumbre_lua::scene;
 use lumbre_night::experiment::processor_time::thread_time;
 

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use lumbre_light::math::rng::pcg4d;
-use lumbre_light::scene::load::{MissingTextures, load_with, texture};
+use lumbre_scene_io::load::{MissingTextures, load_with, texture};
 use lumbre_light::scene::{SceneError, compile};
 use lumbre_lua::scene;
 

@@ -5,7 +5,7 @@
 use glam::Vec3;
 use lumbre_light::scene::SceneDesc;
 use lumbre_light::scene::desc::{EnvironmentSource, Model, ShapeDesc, Texels};
-use lumbre_light::scene::load::MissingTextures;
+use lumbre_scene_io::load::MissingTextures;
 use lumbre_light::value::Value;
 
 use super::mitsuba::surface;

@@ -40,7 +40,7 @@ mod third_party;
 
 use std::path::{Path, PathBuf};
 
-use lumbre_light::scene::load::load;
+use lumbre_scene_io::load::load;
 use lumbre_light::scene::{Note, SceneDesc, SceneError};
 use samples::QUAD;
 

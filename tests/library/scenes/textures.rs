@@ -5,8 +5,8 @@ use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{
     Lookup, MATERIAL_PARAMS, MaskMode, MaterialDesc, SceneDesc, Texels, TextureSlot, Wrap,
 };
-use lumbre_light::scene::edit::set;
-use lumbre_light::scene::load::{MissingTextures, load_with};
+use lumbre_scene_io::edit::set;
+use lumbre_scene_io::load::{MissingTextures, load_with};
 use lumbre_light::value::Value;
 
 use super::{Folder, QUAD, lines};

@@ -6,7 +6,7 @@ use glam::Vec3;
 use lumbre::cli::verify::pictures;
 use lumbre_light::scene::compile::NONE;
 use lumbre_light::scene::desc::TextureSlot;
-use lumbre_light::scene::load::{MissingTextures, load, load_with};
+use lumbre_scene_io::load::{MissingTextures, load, load_with};
 use lumbre_light::scene::{Note, compile};
 use lumbre_light::value::Value;
 use lumbre_lua::scene;

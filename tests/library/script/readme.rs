@@ -1,6 +1,6 @@
 //! The script in the README can be planned.
 
-use lumbre_light::scene::load::MissingTextures;
+use lumbre_scene_io::load::MissingTextures;
 use lumbre_lua::scene;
 use lumbre_night::experiment::plan::{Overrides, expand};
 

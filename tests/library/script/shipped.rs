@@ -1,6 +1,6 @@
 //! Every script in `scripts/` can be planned, and its header states how to run it.
 
-use lumbre_light::scene::load::MissingTextures;
+use lumbre_scene_io::load::MissingTextures;
 use lumbre_lua::scene;
 use lumbre_night::experiment::plan::{Overrides, expand};
 

@@ -4,7 +4,8 @@ use std::time::Instant;
 
 use lumbre_light::film::Image;
 use lumbre_light::math::stats::median;
-use lumbre_light::scene::{compile, load};
+use lumbre_scene_io::load;
+use lumbre_light::scene::compile;
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::sampler::sampler;
 use lumbre_night::backends::backend;

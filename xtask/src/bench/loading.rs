@@ -10,7 +10,8 @@ use serde_json::{Value as Json, json};
 
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::desc::{SceneDesc, ShapeDesc, Texels};
-use lumbre_light::scene::{CompiledScene, compile, load};
+use lumbre_scene_io::load;
+use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_night::experiment::memory;
 use lumbre_render::cpu::bvh::accel::Accel;
 

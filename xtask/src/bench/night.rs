@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use lumbre_light::film::Image;
-use lumbre_light::scene::load;
+use lumbre_scene_io::load;
 use lumbre_night::experiment::event::FinishedRun;
 use lumbre_night::experiment::plan::{Overrides, expand};
 use lumbre_night::experiment::run::run;

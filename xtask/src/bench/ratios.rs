@@ -13,7 +13,7 @@ use lumbre::cli::format::aligned;
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::compile::{Sharing, compile_sharing};
 use lumbre_light::scene::desc::{MaterialDesc, SceneDesc, TextureSlot};
-use lumbre_light::scene::load::MissingTextures;
+use lumbre_scene_io::load::MissingTextures;
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
 use lumbre_light::value::Value;

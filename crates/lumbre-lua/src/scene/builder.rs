@@ -7,7 +7,7 @@ use glam::Vec3;
 use crate::source::SourcePlace;
 use lumbre_light::scene::Note;
 use lumbre_light::scene::desc::{CameraDesc, SceneDesc};
-use lumbre_light::scene::names::UniqueNames;
+use lumbre_scene_io::names::UniqueNames;
 
 /// Scene under construction while its file runs.
 #[derive(Debug)]

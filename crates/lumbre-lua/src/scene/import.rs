@@ -17,7 +17,8 @@ use crate::strict::{self, Fields};
 use lumbre_light::scene::desc::{
     CowVec, EntityDesc, LightDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, mesh_hash,
 };
-use lumbre_light::scene::{load, shape};
+use lumbre_scene_io::load;
+use lumbre_light::scene::shape;
 use lumbre_light::value::Value;
 
 /// Implements `s:import`: adds the entities and materials of another scene file.

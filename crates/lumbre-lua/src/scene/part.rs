@@ -14,7 +14,7 @@ use crate::kind::{KIND, kind};
 use crate::state::Shared;
 use crate::strict::{self, Fields};
 use lumbre_light::scene::desc::Transform;
-use lumbre_light::scene::names::UniqueNames;
+use lumbre_scene_io::names::UniqueNames;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
 

@@ -13,7 +13,7 @@ use crate::kind::KIND;
 use crate::state::Shared;
 use crate::strict;
 use lumbre_light::scene::desc::{Lookup, Texels, TextureDesc, TextureFilter, Wrap};
-use lumbre_light::scene::load;
+use lumbre_scene_io::load;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, Table, Ty};
 

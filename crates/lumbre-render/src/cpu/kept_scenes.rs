@@ -111,7 +111,7 @@ fn kept_threads(count: usize) -> Option<Arc<RenderThreads>> {
 mod tests {
     use super::*;
     use lumbre_light::scene::compile::compile;
-    use lumbre_light::scene::load::load;
+    use lumbre_scene_io::load::load;
     use lumbre_light::transport::integrator::INTEGRATORS;
 
     #[test]

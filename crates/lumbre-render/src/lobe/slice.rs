@@ -172,7 +172,8 @@ mod tests {
     use crate::cpu::prepared_scene::PreparedScene;
     use crate::hierarchy::AccelSpec;
     use lumbre_light::scene::desc::Model;
-    use lumbre_light::scene::{compile, load};
+    use lumbre_scene_io::load;
+use lumbre_light::scene::compile;
     use lumbre_light::transport::surface::Surface;
 
     /// Returns the lobe at a pixel of a wall of the Cornell box, made of another material.

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::find::find_file;
 use super::keys::Given;
 use lumbre_light::scene::desc::{CAMERA_KIND_NAMES, TextureSlot, VIEW_HEIGHT_RANGE};
-use lumbre_light::scene::edit::WINDOW;
+use lumbre_scene_io::edit::WINDOW;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
 

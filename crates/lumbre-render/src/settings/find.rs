@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use lumbre_light::scene::load::FORMATS;
+use lumbre_scene_io::load::FORMATS;
 use lumbre_light::value::schema::SchemaError;
 use lumbre_light::value::suggest;
 

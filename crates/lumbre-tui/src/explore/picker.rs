@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::settings::SceneFile;
-use lumbre_light::scene::load::FORMATS;
+use lumbre_scene_io::load::FORMATS;
 
 /// Depth of folders in which scenes are searched.
 const DEPTH: usize = 4;

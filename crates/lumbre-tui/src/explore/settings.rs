@@ -10,7 +10,7 @@ use super::parameters::{
     EXPOSURE, INTEGRATOR, LIMIT_SAMPLES, LIMIT_TIME, MAX_DEPTH, SEED, TONEMAP,
 };
 use lumbre_light::scene::desc::{CameraDesc, SceneDesc};
-use lumbre_light::scene::edit;
+use lumbre_scene_io::edit;
 use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow, integrator};
 use lumbre_light::value::Value;
 use lumbre_lua::RENDER;

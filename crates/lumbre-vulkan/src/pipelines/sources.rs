@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
-use lumbre_light::scene::load::files;
+use lumbre_scene_io::load::files;
 use lumbre_render::shaders::{ShaderFolder, Shaders};
 
 use super::committed;

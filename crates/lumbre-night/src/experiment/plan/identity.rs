@@ -18,7 +18,7 @@ use crate::experiment::spec::{
     FigureKind, FigureSpec, MeasureSpec, Point, Snapshots, TableSpec, TableValue,
 };
 use crate::experiment::stop::StopRule;
-use lumbre_light::scene::load::files;
+use lumbre_scene_io::load::files;
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
 use lumbre_render::Settings;

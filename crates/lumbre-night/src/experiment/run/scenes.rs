@@ -181,7 +181,7 @@ impl NightRunner<'_, '_> {
 mod tests {
     use super::*;
     use lumbre_light::scene::compile::compile;
-    use lumbre_light::scene::load::load;
+    use lumbre_scene_io::load::load;
 
     fn scene(file: &str) -> SceneDesc {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");

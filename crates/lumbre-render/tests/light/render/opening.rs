@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use lumbre_light::scene::load::load;
+use lumbre_scene_io::load::load;
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::integrator;
 use lumbre_render::cpu::ROW;

@@ -17,7 +17,7 @@ use super::session::SessionOptions;
 use super::settings::{SceneFacts, SceneFile};
 use glam::Vec3;
 use lumbre_light::scene::desc::CameraDesc;
-use lumbre_light::scene::load::MissingTextures;
+use lumbre_scene_io::load::MissingTextures;
 
 /// Longest wait for a picture; every expected wait is far shorter.
 const MAX_WAIT: Duration = Duration::from_secs(120);

@@ -10,7 +10,7 @@ use crate::explore::script::script_text;
 use crate::explore::session::{Frame, Request, Session, Slot, SlotView, Status};
 use crate::explore::settings::{Limits, Settings};
 use lumbre_light::scene::compile::compile_sharing;
-use lumbre_light::scene::load::MissingTextures;
+use lumbre_scene_io::load::MissingTextures;
 use lumbre_light::transport::integrator::INTEGRATORS;
 use lumbre_light::value::Value;
 use lumbre_night::backends;
