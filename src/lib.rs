@@ -6,6 +6,7 @@
 //! | crate | what it contains |
 //! |---|---|
 //! | `lumbre-light` | scenes, materials, lights, samplers, integrators |
+//! | `lumbre-scene-io` | readers and writers of scene files |
 //! | `lumbre-metrics` | errors between images |
 //! | `lumbre-render` | jobs and renderers: the CPU backend, worker processes, other programs |
 //! | `lumbre-vulkan` | the Vulkan backends |

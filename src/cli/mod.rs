@@ -31,9 +31,9 @@ pub use about::reference::reference;
 
 use args::{BenchArgs, Cli, Global, Verb};
 use exit::{Exit, Failure, print_result, print_status};
-use lumbre_scene_io::load::files;
 use lumbre_night::experiment::memory;
 use lumbre_render::own_technique::OwnTechnique;
+use lumbre_scene_io::load::files;
 
 pub use about::reference::command;
 

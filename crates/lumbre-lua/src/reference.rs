@@ -9,11 +9,11 @@ use super::api::{ApiFn, FUNCTIONS, experiment, stop_rule};
 use super::docgen::{integrators, tables};
 use super::scene;
 use lumbre_light::scene::desc::{MATERIAL_PARAMS, TextureSlot};
-use lumbre_scene_io::edit::{ENTITY_PARAMS, ENVIRONMENT_PARAMS, LIGHT_PARAMS, SCENE_PARAMS};
 use lumbre_light::value::markdown::{fields_table, link, row, sentence, table_head, type_text};
 use lumbre_light::value::schema::{Table, Ty};
 use lumbre_metrics::METRICS;
 use lumbre_metrics::tonemap::TONEMAPS;
+use lumbre_scene_io::edit::{ENTITY_PARAMS, ENVIRONMENT_PARAMS, LIGHT_PARAMS, SCENE_PARAMS};
 
 /// Section of the page.
 struct Section {

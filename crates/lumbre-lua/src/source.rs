@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use super::error::{Highlight, Problem, ScriptError};
 use super::locate;
-use lumbre_scene_io::load::files;
 use lumbre_light::value::schema::SchemaError;
+use lumbre_scene_io::load::files;
 
 /// Largest accepted size of a script or module, in bytes.
 pub const MAX_BYTES: u64 = 4 << 20;

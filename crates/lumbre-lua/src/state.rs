@@ -14,8 +14,8 @@ use super::kind::kind;
 use super::limits::{Limits, Watchdog, pattern_is_quick};
 use super::scene::SceneBuilder;
 use super::source::{SourcePlace, Sources};
-use lumbre_scene_io::load::MissingTextures;
 use lumbre_light::value::{Value, suggest};
+use lumbre_scene_io::load::MissingTextures;
 
 /// Lua instructions between two checks of the time limit. The number is small because a single
 /// instruction can copy a string of many MiB.

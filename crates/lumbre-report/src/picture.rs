@@ -13,8 +13,8 @@ use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use super::OutputError;
 use lumbre_light::film::Image;
-use lumbre_scene_io::load::openexr;
 use lumbre_metrics::tonemap::srgb_light;
+use lumbre_scene_io::load::openexr;
 
 /// Maximum number of pixels of a picture: 2^28, which is 3 GiB of `f32` RGB.
 const MAX_PIXELS: usize = 1 << 28;

@@ -2,11 +2,11 @@
 
 use glam::{Affine3A, Quat, Vec2, Vec3};
 
+use crate::load::default_scene::{bounds, corners, framing_camera};
 use lumbre_light::scene::desc::{
     CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, Optics, SceneDesc,
     ShapeDesc, TextureSlot, Transform,
 };
-use crate::load::default_scene::{bounds, corners, framing_camera};
 use lumbre_light::scene::shape;
 
 /// Surroundings that are put around the entities of a scene.

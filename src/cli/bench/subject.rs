@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use crate::cli::args::SceneArg;
 use crate::cli::scene::builtin::scene_name;
-use lumbre_scene_io::load::MissingTextures;
-use lumbre_scene_io::edit;
 use lumbre_light::scene::SceneDesc;
 use lumbre_light::value::Value;
+use lumbre_scene_io::edit;
+use lumbre_scene_io::load::MissingTextures;
 
 /// Settings that select a view of the scene: the key of scripts, and the value that it changes.
 const VIEW: [&str; 2] = ["view", "camera"];

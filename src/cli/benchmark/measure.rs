@@ -11,13 +11,13 @@ use crate::cli::args::{BenchArgs, Global};
 use crate::cli::format::duration;
 use crate::cli::scene::builtin::{BuiltIn, scene_name};
 use lumbre_light::film::Film;
-use lumbre_scene_io::load;
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
 use lumbre_night::backends::BACKENDS;
 use lumbre_night::store::{Host, utc};
 use lumbre_render::shaders::Shaders;
 use lumbre_render::{BackendRow, Job, Renderer, WaveStats, mock};
+use lumbre_scene_io::load;
 
 /// Scenes of the suite: the built-in ones, except for a chart of pixel filters.
 const SCENES: [&str; 6] = [

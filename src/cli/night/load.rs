@@ -9,7 +9,6 @@ use crate::cli::args::{Global, ScriptArgs};
 use crate::cli::exit::{Failure, print_status};
 use crate::cli::format::display_path;
 use lumbre_light::film::Image;
-use lumbre_scene_io::load::{FORMATS, MissingTextures, files};
 use lumbre_light::scene::{Note, SceneDesc, SceneError};
 use lumbre_light::value::{Value, suggest};
 use lumbre_lua::{Script, ScriptError};
@@ -17,6 +16,7 @@ use lumbre_night::experiment::Plan;
 use lumbre_night::experiment::plan::{Overrides, PlanError, expand};
 use lumbre_night::paths::folder_of;
 use lumbre_report::exr;
+use lumbre_scene_io::load::{FORMATS, MissingTextures, files};
 
 /// Loads a script and expands its plan without rendering. Commands of the script run only with
 /// permission; see [`permission`](super::permission).

@@ -8,7 +8,6 @@ use crate::cli::night::load::decode_picture;
 use lumbre_light::film::{Film, Image, SharedImage};
 use lumbre_light::scene::compile::compile_sharing;
 use lumbre_light::scene::desc::content_hash;
-use lumbre_scene_io::edit;
 use lumbre_light::scene::{CompiledScene, SceneDesc};
 use lumbre_light::transport::integrator::external::{is_declared, is_external};
 use lumbre_light::transport::integrator::{integrator, own};
@@ -24,6 +23,7 @@ use lumbre_render::external::{self, Access, words};
 use lumbre_render::reference_halves::ReferenceHalves;
 use lumbre_render::shaders::Shaders;
 use lumbre_render::{Job, RenderError, Renderer};
+use lumbre_scene_io::edit;
 
 /// Maximum number of samples per pixel rendered in one call.
 const SAMPLES_PER_STEP: u64 = 64;

@@ -11,7 +11,6 @@ use crate::cli::figure_files;
 use crate::cli::format::rounded;
 use lumbre_light::math::Frame;
 use lumbre_light::scene::compile::{Material, NONE, Uv};
-use lumbre_scene_io::edit;
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::bsdf::Bsdf;
 use lumbre_light::transport::delay::profile_at;
@@ -19,6 +18,7 @@ use lumbre_light::transport::surface::Surface;
 use lumbre_render::lobe::Lobe;
 use lumbre_render::lobe::fit::{DelayFit, DirectionFit};
 use lumbre_report::lobe::{LobeFigure, draw};
+use lumbre_scene_io::edit;
 
 /// P-value below which samples do not follow the stated density, so that the verb fails.
 const SIGNIFICANCE: f64 = 1e-4;

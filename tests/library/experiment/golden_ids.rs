@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use lumbre_scene_io::load::MissingTextures;
 use lumbre_light::value::Value;
 use lumbre_night::experiment::Plan;
 use lumbre_night::experiment::plan::{Overrides, expand};
+use lumbre_scene_io::load::MissingTextures;
 
 /// Cases with the first digits of their ids. An id changes with what determines a picture: state
 /// that and why in CHANGELOG.md, and replace it here.

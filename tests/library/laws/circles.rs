@@ -9,13 +9,14 @@ use super::source::{code_only, rust_files, text};
 const MOST_FILES: usize = 4;
 
 /// Sources of the crates whose circles are looked for.
-const CRATES: [&str; 8] = [
+const CRATES: [&str; 9] = [
     "src",
     "crates/lumbre-lua/src",
     "crates/lumbre-metrics/src",
     "crates/lumbre-night/src",
     "crates/lumbre-render/src",
     "crates/lumbre-report/src",
+    "crates/lumbre-scene-io/src",
     "crates/lumbre-tui/src",
     "crates/lumbre-vulkan/src",
 ];

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use super::source::{code_only, text, words};
 
 /// Manifests of the workspace.
-const MANIFESTS: [&str; 11] = [
+const MANIFESTS: [&str; 12] = [
     "Cargo.toml",
     "crates/lumbre-light/Cargo.toml",
     "crates/lumbre-lua/Cargo.toml",
@@ -14,6 +14,7 @@ const MANIFESTS: [&str; 11] = [
     "crates/lumbre-night/Cargo.toml",
     "crates/lumbre-render/Cargo.toml",
     "crates/lumbre-report/Cargo.toml",
+    "crates/lumbre-scene-io/Cargo.toml",
     "crates/lumbre-tui/Cargo.toml",
     "crates/lumbre-vulkan/Cargo.toml",
     "crates/own-technique/Cargo.toml",

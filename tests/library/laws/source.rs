@@ -8,7 +8,7 @@ pub fn root() -> &'static Path {
 }
 
 /// Source folders of the crates of the workspace.
-pub const SOURCES: [&str; 9] = [
+pub const SOURCES: [&str; 10] = [
     "src",
     "crates/lumbre-light/src",
     "crates/lumbre-lua/src",
@@ -16,6 +16,7 @@ pub const SOURCES: [&str; 9] = [
     "crates/lumbre-night/src",
     "crates/lumbre-render/src",
     "crates/lumbre-report/src",
+    "crates/lumbre-scene-io/src",
     "crates/lumbre-tui/src",
     "crates/lumbre-vulkan/src",
 ];

@@ -11,11 +11,11 @@ use lumbre_light::scene::desc::{
     LightKind, Lookup, MaskMode, MaterialDesc, Model, SceneDesc, ShapeDesc, Texels, TextureDesc,
     TextureSlot, Transform, Wrap,
 };
-use lumbre_scene_io::export;
 use lumbre_light::scene::shape::{cuboid, grid};
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::sampler::SOBOL;
 use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
+use lumbre_scene_io::export;
 
 use super::{Folder, builtin_path, lines, scn};
 use crate::common::job;

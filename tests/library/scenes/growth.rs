@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::content_hash;
-use lumbre_scene_io::load::MissingTextures;
 use lumbre_lua::scene;
 use lumbre_night::experiment::processor_time::thread_time;
+use lumbre_scene_io::load::MissingTextures;
 
 use super::Folder;
 use super::growth_files::KINDS;

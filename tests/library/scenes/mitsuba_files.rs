@@ -5,8 +5,8 @@
 use glam::Vec3;
 use lumbre_light::scene::SceneDesc;
 use lumbre_light::scene::desc::{EnvironmentSource, Model, ShapeDesc, Texels};
-use lumbre_scene_io::load::MissingTextures;
 use lumbre_light::value::Value;
+use lumbre_scene_io::load::MissingTextures;
 
 use super::mitsuba::surface;
 use super::samples::serialized;

@@ -1,8 +1,8 @@
 //! The script in the README can be planned.
 
-use lumbre_scene_io::load::MissingTextures;
 use lumbre_lua::scene;
 use lumbre_night::experiment::plan::{Overrides, expand};
+use lumbre_scene_io::load::MissingTextures;
 
 #[test]
 fn the_script_in_the_readme_can_be_planned() {

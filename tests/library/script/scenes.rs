@@ -7,11 +7,11 @@ use glam::{Vec2, Vec3};
 use lumbre_light::scene::desc::{
     EnvironmentSource, Lookup, ShapeDesc, TextureFilter, TextureSlot, Wrap, content_hash,
 };
-use lumbre_scene_io::load::MissingTextures;
-use lumbre_scene_io::edit;
 use lumbre_light::scene::{SceneDesc, compile};
 use lumbre_light::value::Value;
 use lumbre_lua::scene;
+use lumbre_scene_io::edit;
+use lumbre_scene_io::load::MissingTextures;
 
 use crate::script::Folder;
 

@@ -1,8 +1,8 @@
 //! Every script in `scripts/` can be planned, and its header states how to run it.
 
-use lumbre_scene_io::load::MissingTextures;
 use lumbre_lua::scene;
 use lumbre_night::experiment::plan::{Overrides, expand};
+use lumbre_scene_io::load::MissingTextures;
 
 #[test]
 fn every_shipped_script_is_planned_without_a_warning() {

@@ -4,7 +4,6 @@ use std::time::Instant;
 
 use lumbre_light::film::Image;
 use lumbre_light::math::stats::median;
-use lumbre_scene_io::load;
 use lumbre_light::scene::compile;
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::sampler::sampler;
@@ -15,6 +14,7 @@ use lumbre_night::experiment::run_progress::RunProgress;
 use lumbre_night::experiment::{CellRef, Plan};
 use lumbre_night::store::Store;
 use lumbre_render::Job;
+use lumbre_scene_io::load;
 
 /// Median seconds for writing a checkpoint of a 1280x720 cell of `bdpt` (which has a splat film),
 /// synced to disk.

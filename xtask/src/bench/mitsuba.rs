@@ -11,12 +11,12 @@ use serde_json::{Value as Json, json};
 use lumbre::cli::bench::subject::Subject;
 use lumbre::cli::format::aligned;
 use lumbre_light::math::stats::median;
-use lumbre_scene_io::export;
 use lumbre_light::scene::compile;
 use lumbre_light::transport::integrator::INTEGRATORS;
 use lumbre_night::backends::backend;
 use lumbre_night::experiment::processor_time;
 use lumbre_render::{Job, Renderer};
+use lumbre_scene_io::export;
 
 use crate::root;
 

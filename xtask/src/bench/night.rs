@@ -5,11 +5,11 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use lumbre_light::film::Image;
-use lumbre_scene_io::load;
 use lumbre_night::experiment::event::FinishedRun;
 use lumbre_night::experiment::plan::{Overrides, expand};
 use lumbre_night::experiment::run::run;
 use lumbre_night::experiment::{CellRef, Event, History, NightControls, Plan, Sink, SinkError};
+use lumbre_scene_io::load;
 
 /// A history without finished runs.
 struct EmptyHistory;

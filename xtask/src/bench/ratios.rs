@@ -13,7 +13,6 @@ use lumbre::cli::format::aligned;
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::compile::{Sharing, compile_sharing};
 use lumbre_light::scene::desc::{MaterialDesc, SceneDesc, TextureSlot};
-use lumbre_scene_io::load::MissingTextures;
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
 use lumbre_light::value::Value;
@@ -21,6 +20,7 @@ use lumbre_lua::scene;
 use lumbre_night::backends::backend;
 use lumbre_render::cpu::renderer::CpuRenderer;
 use lumbre_render::{Job, Renderer, WaveStats};
+use lumbre_scene_io::load::MissingTextures;
 
 /// Samples per pixel of one round.
 const SAMPLES: u64 = 2;

@@ -44,7 +44,10 @@ impl Target<'_> {
             room > 0
         });
         let step = inputs.len().div_ceil(MAX_INPUTS).max(1);
-        let names = inputs.iter().step_by(step).filter_map(|file| file.file_name());
+        let names = inputs
+            .iter()
+            .step_by(step)
+            .filter_map(|file| file.file_name());
         let mut pack = tar(&self.archive(), &self.corpus());
         execute(pack.args(names))?;
         let tally = Tally {

@@ -17,9 +17,9 @@ use crate::strict::{self, Fields};
 use lumbre_light::scene::desc::{
     CowVec, EntityDesc, LightDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, mesh_hash,
 };
-use lumbre_scene_io::load;
 use lumbre_light::scene::shape;
 use lumbre_light::value::Value;
+use lumbre_scene_io::load;
 
 /// Implements `s:import`: adds the entities and materials of another scene file.
 ///

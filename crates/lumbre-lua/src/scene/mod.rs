@@ -39,11 +39,11 @@ use super::source::SourcePlace;
 use super::state::{Purpose, Shared};
 use super::{ExecutedFile, Limits, locate, source};
 use lumbre_light::scene::desc::SceneDesc;
-use lumbre_scene_io::load::{MissingTextures, Variables, load_on_stage};
-use lumbre_scene_io::stage::{STAGES, Stage};
 use lumbre_light::scene::{Note, SceneError};
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::unknown_name;
+use lumbre_scene_io::load::{MissingTextures, Variables, load_on_stage};
+use lumbre_scene_io::stage::{STAGES, Stage};
 
 /// Functions that describe scenes, besides the methods of the scene itself.
 pub const FUNCTIONS: &[&[ApiFn]] = &[

@@ -14,9 +14,9 @@ use crate::kind::{KIND, kind};
 use crate::state::Shared;
 use crate::strict::{self, Fields};
 use lumbre_light::scene::desc::Transform;
-use lumbre_scene_io::names::UniqueNames;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
+use lumbre_scene_io::names::UniqueNames;
 
 /// Largest number of shapes in nested groups.
 const MAX_LEAVES: usize = 1 << 22;

@@ -2,9 +2,9 @@
 
 use lumbre_light::scene::desc::light::CUTOFF_RANGE;
 use lumbre_light::scene::desc::{CAMERA_KIND_NAMES, MAX_SIDE, VIEW_HEIGHT_RANGE};
-use lumbre_scene_io::edit::WINDOW;
 use lumbre_light::value::schema::{Field, Table, Ty};
 use lumbre_render::settings::EDGES;
+use lumbre_scene_io::edit::WINDOW;
 
 /// Point or direction in scene coordinates.
 const POINT: Ty = Ty::Nums {

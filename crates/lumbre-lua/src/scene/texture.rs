@@ -13,9 +13,9 @@ use crate::kind::KIND;
 use crate::state::Shared;
 use crate::strict;
 use lumbre_light::scene::desc::{Lookup, Texels, TextureDesc, TextureFilter, Wrap};
-use lumbre_scene_io::load;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_scene_io::load;
 
 /// Options of `texture.paint`.
 pub const PAINT: Table = Table {

@@ -15,8 +15,10 @@ use glam::Vec3;
 use super::texture::{TexelConversion, TextureWriter};
 use super::xml::Xml;
 use super::{OutputFolder, scene_note};
-use lumbre_light::scene::desc::{DelayKind, Distribution, MaskMode, MaterialDesc, Model, TextureSlot};
 use crate::model_differences;
+use lumbre_light::scene::desc::{
+    DelayKind, Distribution, MaskMode, MaterialDesc, Model, TextureSlot,
+};
 use lumbre_light::scene::{Note, SceneError};
 
 /// Writer of one material as a surface with an id.

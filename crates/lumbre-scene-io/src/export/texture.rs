@@ -9,12 +9,12 @@ use glam::{Affine2, DAffine3, Vec2, Vec3};
 use image::ExtendedColorType;
 
 use super::OutputFolder;
+use crate::export::xml::Xml;
 use lumbre_light::scene::SceneError;
 use lumbre_light::scene::compile::Curve;
 use lumbre_light::scene::desc::{
     Lookup, MaterialDesc, Texels, TextureDesc, TextureFilter, TextureSlot, Wrap,
 };
-use crate::export::xml::Xml;
 
 /// Conversion of a texture's texels for a parameter of a surface or light.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -301,10 +301,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join(format!("t.{extension}"));
         std::fs::write(&path, bytes).unwrap();
-        match crate::load::texture(&path, &mut Vec::new())
-            .unwrap()
-            .texels
-        {
+        match crate::load::texture(&path, &mut Vec::new()).unwrap().texels {
             Texels::Rgba8(t) => ([t[0][0], t[0][1], t[0][2]].map(f32::from), extension),
             Texels::RgbaF32(t) => ([t[0][0], t[0][1], t[0][2]], extension),
         }

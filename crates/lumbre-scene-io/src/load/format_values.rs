@@ -6,7 +6,9 @@ use std::path::Path;
 use glam::{Vec2, Vec3};
 
 use super::load;
-use lumbre_light::scene::desc::{LightKind, MaterialDesc, SceneDesc, Texels, TextureDesc, TextureSlot};
+use lumbre_light::scene::desc::{
+    LightKind, MaterialDesc, SceneDesc, Texels, TextureDesc, TextureSlot,
+};
 
 /// Loads the first of several files in a folder of their own.
 fn read(files: &[(&str, &[u8])]) -> SceneDesc {

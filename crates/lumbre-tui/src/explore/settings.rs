@@ -10,12 +10,12 @@ use super::parameters::{
     EXPOSURE, INTEGRATOR, LIMIT_SAMPLES, LIMIT_TIME, MAX_DEPTH, SEED, TONEMAP,
 };
 use lumbre_light::scene::desc::{CameraDesc, SceneDesc};
-use lumbre_scene_io::edit;
 use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow, integrator};
 use lumbre_light::value::Value;
 use lumbre_lua::RENDER;
 use lumbre_metrics::tonemap::Tonemap;
 use lumbre_night::experiment::plan::identity;
+use lumbre_scene_io::edit;
 
 /// Technique at the start, if the command line names none.
 const FIRST_TECHNIQUE: &str = "nee";

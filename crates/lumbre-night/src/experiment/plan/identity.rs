@@ -18,11 +18,11 @@ use crate::experiment::spec::{
     FigureKind, FigureSpec, MeasureSpec, Point, Snapshots, TableSpec, TableValue,
 };
 use crate::experiment::stop::StopRule;
-use lumbre_scene_io::load::files;
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
 use lumbre_render::Settings;
 use lumbre_render::settings::LIBRARY;
+use lumbre_scene_io::load::files;
 
 /// Version of the identity format. Raising it makes all earlier runs unreachable.
 pub const FORMAT: i64 = 1;

@@ -11,7 +11,6 @@ use super::{Overrides, PlanError, PlannedCommand, RunId, identity};
 use crate::experiment::spec::Point;
 use lumbre_light::film::layer::LayerLayout;
 use lumbre_light::film::time;
-use lumbre_scene_io::edit;
 use lumbre_light::scene::{Note, SceneDesc, SceneError, desc};
 use lumbre_light::transport::integrator::external::{is_declared, is_external};
 use lumbre_light::transport::integrator::settings::has_uniform_directions;
@@ -25,6 +24,7 @@ use lumbre_render::denoise::{Denoise, oidn};
 use lumbre_render::external::technique::FOUND_VERSION;
 use lumbre_render::external::{self, Technique};
 use lumbre_render::shaders::Shaders;
+use lumbre_scene_io::edit;
 
 /// Greatest number of pixels of a picture; its film takes 12 GiB.
 const MAX_PIXELS: u64 = 1 << 28;

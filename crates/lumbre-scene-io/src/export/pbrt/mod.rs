@@ -20,13 +20,13 @@ use super::mesh::MeshWriter;
 use super::texture::TextureWriter;
 use super::uses::{self, InstanceKey, MeshUses};
 use super::{Exported, OutputFolder, identifier, scene_note, sphere_place};
+use crate::load::environment_square;
+use crate::model_differences;
+use crate::names::UniqueNames;
 use lumbre_light::scene::desc::{
     CameraDesc, CameraKind, ConeEdge, EntityDesc, EnvironmentSource, LightKind, MeshDesc,
     SceneDesc, ShapeDesc,
 };
-use crate::load::environment_square;
-use crate::names::UniqueNames;
-use crate::model_differences;
 use lumbre_light::scene::{Note, SceneError};
 
 /// Name of the scene file in its folder.

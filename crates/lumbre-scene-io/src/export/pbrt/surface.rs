@@ -14,12 +14,12 @@ use glam::{Affine2, Vec2, Vec3};
 use super::super::texture::{TexelConversion, TextureWriter};
 use super::super::{OutputFolder, identifier, scene_note};
 use super::text::{Text, vector};
+use crate::model_differences;
+use crate::names::UniqueNames;
 use lumbre_light::scene::desc::{
     DEFAULT_MATERIAL, DelayKind, Distribution, MaskMode, MaterialDesc, Model, SceneDesc,
     ShadingNormals, TextureFilter, TextureSlot, Wrap,
 };
-use crate::names::UniqueNames;
-use crate::model_differences;
 use lumbre_light::scene::{Note, SceneError};
 
 /// A material in the file, and what shapes with it need.

@@ -40,12 +40,12 @@ use super::images::ImageCache;
 use super::obj::{Front, Smoothing, load_mesh};
 use super::scn::reader::{Diagnostics, JsonObject, describe, truncated};
 use super::{MissingTextures, read_file, scn, with_lenient_hint};
+use crate::names::UniqueNames;
 use lumbre_light::scene::desc::{
     CameraDesc, DEFAULT_MATERIAL, EntityDesc, EnvironmentDesc, EnvironmentSource, LightDesc,
     LightKind, MAX_SIDE, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, TextureDesc,
     TextureSlot, Transform,
 };
-use crate::names::UniqueNames;
 use lumbre_light::scene::{Note, SceneError};
 
 /// Name of the file that makes a folder a scene.

@@ -8,8 +8,8 @@ use std::rc::Rc;
 
 use serde_json::Value as Json;
 
-use lumbre_light::scene::SceneError;
 use crate::load::{canonical, read_file};
+use lumbre_light::scene::SceneError;
 
 /// Greatest size of the file, and of each external buffer, in bytes.
 const MAX_FILE_BYTES: u64 = 1 << 30;

@@ -10,13 +10,13 @@ use glam::{Affine2, Vec2, Vec3};
 use serde_json::Value as Json;
 
 use super::document::Document;
+use crate::load::images::ImageCache;
+use crate::load::{MissingTextures, with_lenient_hint};
+use crate::names::UniqueNames;
 use lumbre_light::scene::desc::material_params::MIN_IOR;
 use lumbre_light::scene::desc::{
     Lookup, MaskMode, MaterialDesc, Model, TextureDesc, TextureFilter, TextureSlot, Wrap,
 };
-use crate::load::images::ImageCache;
-use crate::load::{MissingTextures, with_lenient_hint};
-use crate::names::UniqueNames;
 use lumbre_light::scene::{Note, SceneError};
 
 /// Material extensions that are supported, entirely or in part.

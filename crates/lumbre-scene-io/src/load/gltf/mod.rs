@@ -24,11 +24,11 @@ use self::document::{Document, GLB_MAGIC};
 use self::material::{MaterialReader, UvSets};
 use super::default_scene;
 use super::{MissingTextures, scn};
+use crate::names::UniqueNames;
 use lumbre_light::scene::desc::{
     CameraDesc, CameraKind, ConeDesc, ConeEdge, DEFAULT_MATERIAL, EntityDesc, LightDesc, LightKind,
     MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Transform, VIEW_HEIGHT_RANGE,
 };
-use crate::names::UniqueNames;
 use lumbre_light::scene::{Note, SceneError};
 
 /// Greatest nesting depth of nodes.

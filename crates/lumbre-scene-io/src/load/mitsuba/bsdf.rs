@@ -12,12 +12,14 @@ use super::super::metals;
 use super::MitsubaLoader;
 use super::texture::{LoadedTexture, TextureReader};
 use super::tree::{Property, PropertyValue, XmlObject};
-use lumbre_light::scene::desc::material::SMOOTH_ROUGHNESS;
-use lumbre_light::scene::desc::material_params::MIN_IOR;
-use lumbre_light::scene::desc::{Distribution, MaterialDesc, Model, Texels, TextureDesc, TextureSlot};
 use crate::load::images::mean_texel;
 use crate::model_differences;
 use crate::names::UniqueNames;
+use lumbre_light::scene::desc::material::SMOOTH_ROUGHNESS;
+use lumbre_light::scene::desc::material_params::MIN_IOR;
+use lumbre_light::scene::desc::{
+    Distribution, MaterialDesc, Model, Texels, TextureDesc, TextureSlot,
+};
 use lumbre_light::scene::{Note, SceneError};
 
 /// Greatest nesting depth of surfaces.

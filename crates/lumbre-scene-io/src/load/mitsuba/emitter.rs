@@ -10,11 +10,11 @@ use glam::{DMat3, DVec3, Vec3};
 use super::as_texture;
 use super::texture::{self, TextureReader};
 use super::tree::XmlObject;
+use crate::load::environment::{MAX_HEIGHT, bilinear, resampled};
 use lumbre_light::scene::desc::{
     ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightKind, MaterialDesc, TextureDesc,
     TextureSlot,
 };
-use crate::load::environment::{MAX_HEIGHT, bilinear, resampled};
 use lumbre_light::scene::{Note, SceneError};
 
 /// Least height of a map that is computed, at which a coarse one keeps its interpolation.

@@ -41,8 +41,10 @@ use self::texture::TextureReader;
 use self::tree::{Property, XmlObject};
 use super::materials::Materials;
 use super::{MissingTextures, Variables, default_scene, scn};
-use lumbre_light::scene::desc::{EntityDesc, EnvironmentDesc, LightDesc, MAX_EDGES, SceneDesc, Transform};
 use crate::names::UniqueNames;
+use lumbre_light::scene::desc::{
+    EntityDesc, EnvironmentDesc, LightDesc, MAX_EDGES, SceneDesc, Transform,
+};
 use lumbre_light::scene::{Note, SceneError};
 
 /// Default resolution of a film.

@@ -5,9 +5,9 @@ use glam::{DAffine3, DVec3};
 
 use super::DEFAULT_FILM;
 use super::tree::XmlObject;
-use lumbre_light::scene::desc::{CameraDesc, CameraKind, EntityDesc, MAX_SIDE, VIEW_HEIGHT_RANGE};
 use crate::load::default_scene;
 use crate::load::film::Film;
+use lumbre_light::scene::desc::{CameraDesc, CameraKind, EntityDesc, MAX_SIDE, VIEW_HEIGHT_RANGE};
 use lumbre_light::scene::{Note, SceneError};
 
 /// Focal length of cameras that have neither one nor a field of view.

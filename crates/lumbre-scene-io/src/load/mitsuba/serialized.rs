@@ -10,10 +10,10 @@ use std::path::{Path, PathBuf};
 use flate2::read::ZlibDecoder;
 use glam::{Vec2, Vec3};
 
-use lumbre_light::scene::SceneError;
-use lumbre_light::scene::desc::MeshDesc;
 use crate::load::packed::{budget, expand};
 use crate::load::read_file;
+use lumbre_light::scene::SceneError;
+use lumbre_light::scene::desc::MeshDesc;
 
 /// Greatest size of a file in bytes.
 const MAX_FILE_BYTES: u64 = 1 << 30;

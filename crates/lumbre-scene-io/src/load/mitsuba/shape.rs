@@ -10,10 +10,10 @@ use glam::{DAffine3, DVec3, Vec2, Vec3};
 
 use super::serialized::{SerializedFile, SerializedMesh};
 use super::tree::XmlObject;
-use lumbre_light::scene::desc::{MeshDesc, ShapeDesc, Transform, mesh_hash};
 use crate::load::default_scene;
 use crate::load::obj::{Front, Smoothing};
 use crate::load::{canonical, obj, ply};
+use lumbre_light::scene::desc::{MeshDesc, ShapeDesc, Transform, mesh_hash};
 use lumbre_light::scene::shape::Shape;
 use lumbre_light::scene::{Note, SceneError};
 

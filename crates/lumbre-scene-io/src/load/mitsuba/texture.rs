@@ -6,12 +6,12 @@ use std::sync::Arc;
 use glam::{Affine2, DAffine3, DVec3, Mat2, Vec2, Vec3};
 
 use super::tree::{Property, XmlObject};
+use crate::load::images::{self, ImageCache};
+use crate::load::{MissingTextures, with_lenient_hint};
 use lumbre_light::scene::compile::srgb_to_linear;
 use lumbre_light::scene::desc::{
     Lookup, MaterialDesc, NoInverse, Texels, TextureDesc, TextureFilter, TextureSlot, Wrap,
 };
-use crate::load::images::{self, ImageCache};
-use crate::load::{MissingTextures, with_lenient_hint};
 use lumbre_light::scene::{Note, SceneError};
 
 /// A texture in the conventions of Mitsuba: coordinates start at the top left, before `to_uv`.

@@ -2,8 +2,8 @@
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
-use lumbre_light::scene::compile::{Curve, srgb_to_linear};
 use crate::load::spectrum::{Sampled, to_srgb, under_daylight, xyz};
+use lumbre_light::scene::compile::{Curve, srgb_to_linear};
 
 /// Returns the beginning of a text, for messages.
 pub(super) fn truncated(text: &str) -> String {

@@ -28,13 +28,13 @@ use glam::{Affine2, Vec2, Vec3};
 
 use super::supported::NotedKeywords;
 use super::without_comment;
+use crate::load::images::{self, ImageCache};
+use crate::load::{MissingTextures, files, read_file, with_lenient_hint};
 use lumbre_light::scene::desc::material_params::MIN_IOR;
 use lumbre_light::scene::desc::{
     Lookup, MaskMode, MaterialDesc, NoInverse, Texels, TextureDesc, TextureFilter, TextureSlot,
     Wrap,
 };
-use crate::load::images::{self, ImageCache};
-use crate::load::{MissingTextures, files, read_file, with_lenient_hint};
 use lumbre_light::scene::{Note, SceneError};
 
 /// Greatest size of a material file in bytes.

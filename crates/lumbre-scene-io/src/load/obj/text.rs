@@ -18,9 +18,9 @@ use glam::{DVec3, Vec3};
 use self::smoothing::SmoothingGroups;
 use super::Smoothing;
 use super::supported::NotedKeywords;
+use crate::load::polygon::Triangulator;
 use lumbre_light::scene::compile::srgb_to_linear;
 use lumbre_light::scene::desc::MAX_COORDINATE;
-use crate::load::polygon::Triangulator;
 
 /// Faces with the same material, where all vertices or none have texture coordinates, and the same
 /// for normals.

@@ -10,9 +10,9 @@ use super::params::Params;
 use super::state::{MaterialRef, State};
 use super::texture::{self, TextureValue};
 use super::{Loader, Version, material, spectrum};
+use crate::load::default_scene;
 use lumbre_light::scene::SceneError;
 use lumbre_light::scene::desc::{MeshDesc, ShapeDesc, mesh_hash};
-use crate::load::default_scene;
 
 /// Distance between the two sides of a light that emits on both, relative to its size, and relative
 /// to its greatest coordinate, which bounds the precision of intersections.

@@ -5,9 +5,9 @@ use glam::{DAffine3, DVec3};
 use super::Version;
 use super::params::Params;
 use super::token::truncated;
-use lumbre_light::scene::desc::{CameraDesc, CameraKind, MAX_SIDE, Optics, VIEW_HEIGHT_RANGE};
 use crate::load::default_scene;
 use crate::load::film::Film;
+use lumbre_light::scene::desc::{CameraDesc, CameraKind, MAX_SIDE, Optics, VIEW_HEIGHT_RANGE};
 use lumbre_light::scene::{Note, SceneError};
 
 /// Width and height of a film without any.

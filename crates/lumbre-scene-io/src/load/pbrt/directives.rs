@@ -14,8 +14,8 @@ use super::spectrum::ColorSpace;
 use super::state::{MaterialRef, State, TARGETS, look_at, matrix, rotation};
 use super::token::{Lexer, Place, Token, truncated};
 use super::{CameraSource, Loader, Version};
-use lumbre_light::scene::desc::{MAX_EDGES, SceneDesc};
 use crate::load::{MissingTextures, canonical, read_file};
+use lumbre_light::scene::desc::{MAX_EDGES, SceneDesc};
 use lumbre_light::scene::{Note, SceneError};
 
 /// Greatest size of a file in bytes.

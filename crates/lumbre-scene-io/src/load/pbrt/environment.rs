@@ -7,9 +7,9 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DMat3, DVec3};
 
+use crate::load::environment::{MAX_HEIGHT, bilinear, resampled, texel};
 use lumbre_light::math::luminance::luminance;
 use lumbre_light::scene::desc::{Texels, TextureDesc};
-use crate::load::environment::{MAX_HEIGHT, bilinear, resampled, texel};
 
 /// Returns the point in the unit square of a direction.
 fn to_square(d: DVec3) -> [f64; 2] {

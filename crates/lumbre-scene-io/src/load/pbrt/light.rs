@@ -10,6 +10,8 @@ use super::spectrum::{Spectra, Use};
 use super::texture::{TextureContext, TextureReader};
 use super::token::truncated;
 use super::{Version, environment};
+use crate::load::images::mean_texel;
+use crate::model_differences;
 use lumbre_light::math::luminance::luminance_f32;
 use lumbre_light::scene::compile::Curve;
 use lumbre_light::scene::desc::light::CUTOFF_RANGE;
@@ -17,8 +19,6 @@ use lumbre_light::scene::desc::{
     ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightKind, MaterialDesc, ShapeDesc,
     Texels, TextureDesc, TextureSlot,
 };
-use crate::load::images::mean_texel;
-use crate::model_differences;
 use lumbre_light::scene::{Note, SceneError};
 
 /// An `AreaLightSource` directive, for the shapes after it.

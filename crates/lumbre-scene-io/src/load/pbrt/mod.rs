@@ -50,10 +50,10 @@ use self::state::{MaterialRef, State};
 use self::texture::{TextureContext, TextureReader, TextureValue};
 use super::materials::Materials;
 use super::{MissingTextures, default_scene};
+use crate::names::UniqueNames;
 use lumbre_light::scene::desc::{
     EntityDesc, EnvironmentDesc, LightDesc, MAX_EDGES, SceneDesc, ShapeDesc, Transform,
 };
-use crate::names::UniqueNames;
 use lumbre_light::scene::{Note, SceneError};
 
 /// Number of entities that a file of any size may create by instances; each byte of the file allows

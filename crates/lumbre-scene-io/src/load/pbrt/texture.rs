@@ -13,12 +13,12 @@ use super::names::Scoped;
 use super::params::{Param, Params};
 use super::spectrum::{Spectra, Use};
 use super::token::truncated;
+use crate::load::images::{self, ImageCache, mean_texel};
+use crate::load::{MissingTextures, with_lenient_hint};
 use lumbre_light::scene::compile::srgb_to_linear;
 use lumbre_light::scene::desc::{
     Lookup, MaterialDesc, Texels, TextureDesc, TextureFilter, TextureSlot, Wrap,
 };
-use crate::load::images::{self, ImageCache, mean_texel};
-use crate::load::{MissingTextures, with_lenient_hint};
 use lumbre_light::scene::{Note, SceneError};
 
 /// An image with its mapping.

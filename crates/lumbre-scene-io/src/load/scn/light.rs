@@ -6,11 +6,11 @@ use serde_json::Value as Json;
 
 use super::material::TextureFiles;
 use super::reader::{Diagnostics, JsonObject, numbers};
+use crate::names::UniqueNames;
 use lumbre_light::scene::SceneError;
 use lumbre_light::scene::desc::{
     ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind,
 };
-use crate::names::UniqueNames;
 
 const LIGHT_TYPES: [&str; 3] = ["point", "directional", "spot"];
 

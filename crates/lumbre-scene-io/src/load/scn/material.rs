@@ -5,10 +5,10 @@ use std::sync::Arc;
 use serde_json::Value as Json;
 
 use super::reader::{Diagnostics, JsonObject, number, numbers, truncated};
-use lumbre_light::scene::SceneError;
-use lumbre_light::scene::desc::{MATERIAL_PARAMS, MaterialDesc, TextureDesc, TextureSlot};
 use crate::load::images::ImageCache;
 use crate::load::{MissingTextures, with_lenient_hint};
+use lumbre_light::scene::SceneError;
+use lumbre_light::scene::desc::{MATERIAL_PARAMS, MaterialDesc, TextureDesc, TextureSlot};
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::Ty;
 

@@ -42,11 +42,11 @@ use self::material::TextureFiles;
 use self::reader::{Diagnostics, JsonObject, describe, numbers, truncated};
 use super::obj::{Front, Smoothing, load_mesh};
 use super::{MissingTextures, canonical, read_file};
+use crate::names::UniqueNames;
 use lumbre_light::scene::desc::{
     CameraDesc, DEFAULT_MATERIAL, EntityDesc, MAX_EDGES, MAX_SIDE, MaterialDesc, MeshDesc, Optics,
     SceneDesc, ShapeDesc, Transform,
 };
-use crate::names::UniqueNames;
 use lumbre_light::scene::{Note, SceneError};
 use lumbre_light::value::suggest;
 

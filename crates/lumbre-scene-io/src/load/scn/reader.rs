@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use glam::Vec3;
 use serde_json::Value as Json;
 
-use lumbre_light::scene::desc::MAX_COORDINATE;
 use crate::load::MissingTextures;
+use lumbre_light::scene::desc::MAX_COORDINATE;
 use lumbre_light::scene::{Note, SceneError};
 use lumbre_light::value::suggest;
 

@@ -17,10 +17,10 @@ use std::time::Instant;
 use super::settings::{Limits, SceneFacts, SceneFile};
 use lumbre_light::film::layer::LayerImage;
 use lumbre_light::film::{Image, SharedImage};
-use lumbre_scene_io::load::MissingTextures;
 use lumbre_light::value::Value;
 use lumbre_render::Job;
 use lumbre_render::cpu::prepared_scene::PreparedScene;
+use lumbre_scene_io::load::MissingTextures;
 use run::Worker;
 
 /// Number of pictures of a session.

@@ -8,7 +8,6 @@ use super::{LoadedScene, Request, SessionOptions};
 use crate::explore::settings::{SceneFacts, SceneFile, is_camera_change};
 use lumbre_light::scene::compile::{compile_camera, compile_sharing};
 use lumbre_light::scene::desc::SceneDesc;
-use lumbre_scene_io::edit;
 use lumbre_light::scene::{CompiledScene, desc};
 use lumbre_light::transport::integrator::external::is_external;
 use lumbre_light::value::Value;
@@ -17,6 +16,7 @@ use lumbre_render::Settings;
 use lumbre_render::cpu;
 use lumbre_render::cpu::prepared_scene::PreparedScene;
 use lumbre_render::{Job, Renderer, View};
+use lumbre_scene_io::edit;
 
 /// Number of scenes that are kept: one for each picture.
 const CAPACITY: usize = super::SLOTS;

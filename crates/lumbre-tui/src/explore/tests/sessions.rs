@@ -10,13 +10,13 @@ use crate::explore::script::script_text;
 use crate::explore::session::{Frame, Request, Session, Slot, SlotView, Status};
 use crate::explore::settings::{Limits, Settings};
 use lumbre_light::scene::compile::compile_sharing;
-use lumbre_scene_io::load::MissingTextures;
 use lumbre_light::transport::integrator::INTEGRATORS;
 use lumbre_light::value::Value;
 use lumbre_night::backends;
 use lumbre_night::experiment::plan::expand;
 use lumbre_night::experiment::{Overrides, Plan};
 use lumbre_render::Job;
+use lumbre_scene_io::load::MissingTextures;
 
 const RESOLUTION: [u32; 2] = [48, 32];
 

@@ -6,11 +6,11 @@ use glam::Vec3;
 use serde_json::Value as Json;
 
 use super::{LoadedMaterial, MaterialReader};
+use crate::load::images::mean_texel;
+use crate::names::UniqueNames;
 use lumbre_light::scene::SceneError;
 use lumbre_light::scene::compile::srgb_to_linear;
 use lumbre_light::scene::desc::{MaterialDesc, Model, Texels, TextureDesc, TextureSlot};
-use crate::load::images::mean_texel;
-use crate::names::UniqueNames;
 
 /// Slots of an opaque surface that a pane of glass does not use.
 const SURFACE_SLOTS: [TextureSlot; 3] = [

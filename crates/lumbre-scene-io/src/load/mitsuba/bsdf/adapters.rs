@@ -7,9 +7,9 @@ use glam::Vec3;
 use super::super::texture::LoadedTexture;
 use super::super::tree::{Property, XmlObject};
 use super::BsdfReader;
+use crate::model_differences;
 use lumbre_light::scene::SceneError;
 use lumbre_light::scene::desc::{MaskMode, MaterialDesc, Model, TextureDesc, TextureSlot};
-use crate::model_differences;
 
 impl BsdfReader<'_> {
     /// Converts the first surface inside an adapter.

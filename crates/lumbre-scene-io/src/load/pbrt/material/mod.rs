@@ -16,10 +16,10 @@ use super::spectrum::{Spectra, Use};
 use super::texture::{self, Captured, ImageTexture, TextureContext, TextureValue, mean};
 use super::token::truncated;
 use super::{Loader, Version};
-use lumbre_light::scene::desc::material_params::MIN_IOR;
-use lumbre_light::scene::desc::{MaskMode, MaterialDesc, Model, TextureDesc, TextureSlot};
 use crate::load::images::is_grey;
 use crate::model_differences;
+use lumbre_light::scene::desc::material_params::MIN_IOR;
+use lumbre_light::scene::desc::{MaskMode, MaterialDesc, Model, TextureDesc, TextureSlot};
 use lumbre_light::scene::{Note, SceneError};
 
 /// Greatest depth of mixes in mixes.

@@ -4,9 +4,9 @@ use glam::Vec3;
 
 use super::super::texture::{TextureValue, mean};
 use super::{MaterialReader, set_mask, unsupported};
-use lumbre_light::scene::desc::{Model, TextureSlot};
 use crate::model_differences;
 use lumbre_light::scene::SceneError;
+use lumbre_light::scene::desc::{Model, TextureSlot};
 
 impl MaterialReader<'_> {
     /// Sets the parameters of a type of version 3.

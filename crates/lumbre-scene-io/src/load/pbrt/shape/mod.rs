@@ -17,9 +17,9 @@ use glam::{DAffine3, DVec3, Vec2, Vec3};
 use super::Version;
 use super::params::Params;
 use super::token::truncated;
-use lumbre_light::scene::desc::{MeshDesc, ShapeDesc, Transform, mesh_hash};
 use crate::load::packed::{budget, expand};
 use crate::load::{canonical, ply, read_file};
+use lumbre_light::scene::desc::{MeshDesc, ShapeDesc, Transform, mesh_hash};
 use lumbre_light::scene::shape::Shape;
 use lumbre_light::scene::{Note, SceneError};
 

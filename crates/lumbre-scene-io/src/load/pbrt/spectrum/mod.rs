@@ -16,9 +16,9 @@ use self::table::{GLASSES, ILLUMINANTS, METALS};
 use super::Version;
 use super::params::{Param, Values};
 use super::token::truncated;
-use lumbre_light::scene::SceneError;
 use crate::load::metals;
 use crate::load::spectrum::{Sampled, to_srgb, under_daylight, xyz};
+use lumbre_light::scene::SceneError;
 
 /// Wavelength of the helium d line in nanometres, at which an index is that of a glass.
 const HELIUM_D: f64 = 587.6;
