@@ -20,5 +20,4 @@ mod shrink;
 pub mod sources;
 pub mod statistics;
 pub mod test_kernel;
-pub mod texts;
 mod tracing_mode;

@@ -10,7 +10,7 @@ use std::fmt::Write;
 use lumbre_light::transport::integrator::INTEGRATORS;
 
 use super::sources::Sources;
-use super::texts::TEXTS;
+use super::sources::TEXTS;
 use super::tracing_mode::TracingMode;
 use crate::films::device_film::SplatMode;
 

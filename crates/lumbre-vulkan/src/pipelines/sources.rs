@@ -12,7 +12,10 @@ use super::committed;
 use super::glsl::Compiler;
 use super::modules::Recipe;
 pub use super::shader_error::{FOLDER_VARIABLE, ShaderError};
-use super::texts::TEXTS;
+
+/// Texts of the shaders: path below `shaders/`, text; sorted. They complete folders of modified
+/// shaders, and the check for stale modules hashes them.
+pub static TEXTS: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/texts.rs"));
 
 /// Source of shader modules.
 #[derive(Clone, Debug, PartialEq, Eq)]
