@@ -6,6 +6,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+use base64::{Engine, alphabet};
 use serde_json::Value as Json;
 
 use crate::load::{canonical, read_file};
@@ -159,7 +161,9 @@ impl Document {
             let Some((_, coded)) = data.split_once(";base64,") else {
                 return Err(self.error(place, "data in a `uri` must be encoded in base64"));
             };
-            return decode_base64(coded)
+            return BASE64
+                .decode(coded)
+                .ok()
                 .map(Some)
                 .ok_or_else(|| self.error(place, "the base64 data is damaged"));
         }
@@ -413,34 +417,13 @@ fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), String> {
         .ok_or_else(|| "the file has no JSON chunk".to_owned())
 }
 
-/// Decodes base64 [RFC 4648]; returns `None` for invalid data.
-fn decode_base64(text: &str) -> Option<Vec<u8>> {
-    let value = |c: u8| {
-        Some(u32::from(match c {
-            b'A'..=b'Z' => c - b'A',
-            b'a'..=b'z' => c - b'a' + 26,
-            b'0'..=b'9' => c - b'0' + 52,
-            b'+' => 62,
-            b'/' => 63,
-            _ => return None,
-        }))
-    };
-    let digits = text.trim_end_matches('=').as_bytes();
-    let mut out = Vec::with_capacity(digits.len() / 4 * 3 + 3);
-    for group in digits.chunks(4) {
-        let mut bits = 0;
-        for c in group {
-            bits = bits << 6 | value(*c)?;
-        }
-        match group.len() {
-            4 => out.extend_from_slice(&bits.to_be_bytes()[1..]),
-            3 => out.extend_from_slice(&(bits >> 2).to_be_bytes()[2..]),
-            2 => out.push((bits >> 4) as u8),
-            _ => return None,
-        }
-    }
-    Some(out)
-}
+/// Decoder of base64 [RFC 4648] that takes padding or none, as writers of glTF differ in it.
+const BASE64: GeneralPurpose = GeneralPurpose::new(
+    &alphabet::STANDARD,
+    GeneralPurposeConfig::new()
+        .with_decode_padding_mode(DecodePaddingMode::Indifferent)
+        .with_decode_allow_trailing_bits(true),
+);
 
 /// Returns a `uri` with its percent-encoded characters decoded.
 fn percent_decoded(uri: &str) -> String {
@@ -476,10 +459,10 @@ mod tests {
 
     #[test]
     fn base64_and_percent_encoding_are_decoded() {
-        assert_eq!(decode_base64("Zm9vYmFy").unwrap(), b"foobar");
-        assert_eq!(decode_base64("Zm9vYg==").unwrap(), b"foob");
-        assert_eq!(decode_base64("Zm9vYmE=").unwrap(), b"fooba");
-        assert!(decode_base64("Zm9*").is_none() && decode_base64("Z").is_none());
+        assert_eq!(BASE64.decode("Zm9vYmFy").unwrap(), b"foobar");
+        assert_eq!(BASE64.decode("Zm9vYg==").unwrap(), b"foob");
+        assert_eq!(BASE64.decode("Zm9vYmE").unwrap(), b"fooba");
+        assert!(BASE64.decode("Zm9*").is_err() && BASE64.decode("Z").is_err());
         assert_eq!(percent_decoded("a%20b%2"), "a b%2");
     }
 }
