@@ -165,6 +165,10 @@ const HOST: &[(&str, &str)] = &[
         "its twin is part of disney.glsl",
     ),
     (
+        "crates/lumbre-light/src/transport/bsdf/interface_outgoing.rs",
+        "its twin is part of interface.glsl",
+    ),
+    (
         "crates/lumbre-light/src/transport/bsdf/material.rs",
         "constants of GLSL materials are rows of a buffer",
     ),
