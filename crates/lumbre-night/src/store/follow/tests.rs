@@ -569,7 +569,10 @@ impl LiveNight<'_> {
         let done: Vec<(CellRef, WaveRow)> = done
             .map(|cell| (cell, self.night.last_row(cell).unwrap().clone()))
             .collect();
-        let night = Arc::new(Night::planned(self.plan));
+        let mut night = Night::planned(self.plan);
+        // Shards that were finished stay so, as their files do.
+        night.references[0].shards = self.night.references[0].shards.clone();
+        let night = Arc::new(night);
         self.emit(&Event::NightStarted { night });
         for (cell, last) in done {
             let folder = self.store.run_folder(self.plan, cell);
