@@ -2,7 +2,7 @@
 
 fn main() -> std::process::ExitCode {
     if let Some(commit) = lumbre_commit::commit!() {
-        lumbre::text::set_commit(commit);
+        lumbre_night::text::set_commit(commit);
     }
     lumbre::cli::main()
 }

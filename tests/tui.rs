@@ -4,7 +4,7 @@
 use std::io;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use lumbre::tui::terminal::terminal_guard::TerminalGuard;
+use lumbre_tui::tui::terminal::terminal_guard::TerminalGuard;
 
 /// Number of calls of [`restore`] since the last call of [`restored`].
 static RESTORED: AtomicUsize = AtomicUsize::new(0);

@@ -20,12 +20,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use lumbre::script::scene;
-use lumbre::store::write::metrics_csv;
+use lumbre_lua::scene;
+use lumbre_night::store::write::metrics_csv;
 use lumbre_light::film::time::TimeAxis;
 use lumbre_light::scene::compile::SHARED_FROM;
 use lumbre_light::scene::desc::{EntityDesc, SceneDesc, ShapeDesc};
-use lumbre_light::scene::load::{self, MissingTextures};
+use lumbre_scene_io::load::{self, MissingTextures};
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::path_time::Timing;
@@ -254,7 +254,7 @@ fn renderer(scene: &Arc<CompiledScene>, technique: usize) -> Box<dyn Renderer> {
         ..Job::plain(integrator, [4, 3], 4, 7)
     }
     .with(|settings| settings.timing = Some(timing));
-    lumbre::backends::open("cpu", scene.clone(), job).expect("the job is valid")
+    lumbre_night::backends::open("cpu", scene.clone(), job).expect("the job is valid")
 }
 
 fn save_state(renderer: &dyn Renderer) -> Vec<u8> {

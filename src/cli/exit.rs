@@ -5,9 +5,9 @@ use std::process::ExitCode;
 
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 
-use crate::script::ScriptError;
-use crate::text::{self, program};
-use crate::tui;
+use lumbre_lua::ScriptError;
+use lumbre_night::text::{self, program};
+use lumbre_tui::tui;
 
 /// Text below the options of `--help`: exit codes, signals and output streams.
 pub const EXIT_CODES_HELP: &str = "\
@@ -260,8 +260,8 @@ mod tests {
 
     /// Returns the error of loading a script.
     fn load_error(file: &str, text: &str) -> ScriptError {
-        let limits = crate::script::Limits::default();
-        crate::script::load_text(std::path::Path::new(file), text.to_owned(), limits).unwrap_err()
+        let limits = lumbre_lua::Limits::default();
+        lumbre_lua::load_text(std::path::Path::new(file), text.to_owned(), limits).unwrap_err()
     }
 
     #[test]

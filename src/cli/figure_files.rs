@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use super::exit::{Failure, print_status};
 use super::format::display_path;
-use crate::output::plot::rasterize;
-use crate::store;
+use lumbre_night::store;
+use lumbre_report::plot::rasterize;
 
 /// Writes a figure as SVG and PNG to files of this name; returns their paths.
 ///

@@ -76,7 +76,7 @@ pub fn size(bytes: u64) -> String {
 
 /// Formats a count with its noun: `1 cell`, `3 cells`.
 pub fn counted(n: usize, noun: &str) -> String {
-    crate::text::counted(n as u64, noun)
+    lumbre_night::text::counted(n as u64, noun)
 }
 
 /// Formats a path relative to the current folder if it lies below it.

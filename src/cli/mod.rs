@@ -29,11 +29,11 @@ use clap::FromArgMatches;
 
 pub use about::reference::reference;
 
-use crate::experiment::memory;
 use args::{BenchArgs, Cli, Global, Verb};
 use exit::{Exit, Failure, print_result, print_status};
-use lumbre_light::scene::load::files;
+use lumbre_night::experiment::memory;
 use lumbre_render::own_technique::OwnTechnique;
+use lumbre_scene_io::load::files;
 
 pub use about::reference::command;
 
@@ -86,7 +86,7 @@ fn run() -> Exit {
             // clap reports help and version this way too, and chooses stdout or stderr. A closed
             // pipe is not an error. Arguments may have control characters.
             let shown = error.render().to_string();
-            if shown.contains(crate::text::is_control) {
+            if shown.contains(lumbre_night::text::is_control) {
                 print_status(&shown);
             } else {
                 let _ = error.print();
@@ -104,7 +104,7 @@ fn run() -> Exit {
 /// Parses the arguments of this process.
 fn parse_arguments() -> Result<Cli, clap::Error> {
     let arguments = about::usage::with_verb_of_pictures(std::env::args_os().collect());
-    let version = crate::text::program().trim_start_matches("lumbre ");
+    let version = lumbre_night::text::program().trim_start_matches("lumbre ");
     let mut command = command().version(version);
     let matches = command
         .try_get_matches_from_mut(&arguments)
@@ -171,7 +171,7 @@ fn dispatch(cli: &Cli) -> Result<Exit, Failure> {
 /// Runs `lumbre bench` on scenes: prints the measurements and writes `bench.json` to the results folder.
 fn run_bench(args: &BenchArgs, global: &Global) -> Result<Exit, Failure> {
     let file = global.out.join("bench.json");
-    crate::store::probe(&global.out).map_err(Failure::usage)?;
+    lumbre_night::store::probe(&global.out).map_err(Failure::usage)?;
     let mut print_progress = |line: &str| {
         if !global.quiet {
             print_status(line);
@@ -180,7 +180,7 @@ fn run_bench(args: &BenchArgs, global: &Global) -> Result<Exit, Failure> {
     let report = bench::measure(args, global.threads, global.missing(), &mut print_progress)
         .map_err(Failure::usage)?;
     let json = format!("{:#}\n", json::versioned(report.json().clone()));
-    crate::store::write_atomically(&file, json.as_bytes()).map_err(Failure::internal)?;
+    lumbre_night::store::write_atomically(&file, json.as_bytes()).map_err(Failure::internal)?;
     print_result(if args.json { &json } else { report.text() })?;
     print_progress(&format!("written to {}", format::display_path(&file)));
     Ok(Exit::Done)

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::sync::OnceLock;
 
 use crate::cli::format::display_path;
-use crate::script::RENDER;
 use lumbre_light::transport::integrator::IntegratorRow;
+use lumbre_lua::RENDER;
 use lumbre_render::own_technique::{self, OwnTechnique};
 use lumbre_render::plugin::{self, Plugin};
 

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use crate::cli::exit::Failure;
 use crate::cli::format::display_path;
-use crate::store::{RunRecord, StoreError, latest_experiment, list_experiments, read_run};
+use lumbre_night::store::{RunRecord, StoreError, latest_experiment, list_experiments, read_run};
 
 /// Maximum number of candidates that a message lists.
 const MOST_LISTED: usize = 8;

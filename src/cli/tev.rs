@@ -9,9 +9,9 @@ use std::time::Duration;
 use tev_client::{PacketCreateImage, PacketUpdateImage, TevClient};
 
 use super::exit::Failure;
-use crate::experiment::event::{Event, Sink, SinkError};
-use crate::experiment::{CellRef, Night};
 use lumbre_light::film::{Image, SharedImage};
+use lumbre_night::experiment::event::{Event, Sink, SinkError};
+use lumbre_night::experiment::{CellRef, Night};
 
 /// Longest time that a connection or a write may take.
 const PATIENCE: Duration = Duration::from_secs(5);

@@ -30,8 +30,8 @@ pub fn main() -> Result<Exit, Failure> {
         std::io::stdin().lock(),
         std::io::stdout(),
         WorkerCalls {
-            open: &crate::backends::open,
-            device: &crate::backends::open_device,
+            open: &lumbre_night::backends::open,
+            device: &lumbre_night::backends::open_device,
         },
     )
     .map_err(Failure::internal)?;

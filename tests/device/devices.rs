@@ -211,7 +211,7 @@ fn every_device_has_a_worker_and_every_comparison_group_stays_on_one_device() {
             .into_iter()
             .filter(|(name, _)| name.ends_with("/ref.exr"));
         let mut means: Vec<Vec<f32>> = refs
-            .map(|(_, bytes)| lumbre::output::exr::decode(&bytes).unwrap().0.data.concat())
+            .map(|(_, bytes)| lumbre_report::exr::decode(&bytes).unwrap().0.data.concat())
             .collect();
         means.sort_by(|a, b| a.iter().sum::<f32>().total_cmp(&b.iter().sum()));
         means

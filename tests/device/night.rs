@@ -67,7 +67,7 @@ fn a_sweep_over_backends_gives_the_same_pictures_and_bins() {
                 open.push(path);
             } else if path.file_name().is_some_and(|n| n == "final.exr") {
                 pictures.push(
-                    lumbre::output::exr::decode(&std::fs::read(path).unwrap())
+                    lumbre_report::exr::decode(&std::fs::read(path).unwrap())
                         .unwrap()
                         .0,
                 );

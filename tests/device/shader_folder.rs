@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use lumbre::output::exr;
+use lumbre_report::exr;
 
 use super::harness;
 

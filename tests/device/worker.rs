@@ -62,7 +62,7 @@ fn pictures(place: &Path) -> Vec<(PathBuf, Image)> {
             } else if path.extension().is_some_and(|e| e == "exr")
                 && !path.to_string_lossy().contains("snap-")
             {
-                let image = lumbre::output::exr::decode(&std::fs::read(&path).unwrap())
+                let image = lumbre_report::exr::decode(&std::fs::read(&path).unwrap())
                     .unwrap()
                     .0;
                 found.push((path.strip_prefix(place).unwrap().to_owned(), image));

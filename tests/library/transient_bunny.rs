@@ -4,12 +4,13 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use lumbre::script::scene;
 use lumbre_light::film::time::TimeCube;
-use lumbre_light::scene::load::MissingTextures;
-use lumbre_light::scene::{compile, edit};
+use lumbre_light::scene::compile;
 use lumbre_light::value::Value;
+use lumbre_lua::scene;
 use lumbre_render::Renderer;
+use lumbre_scene_io::edit;
+use lumbre_scene_io::load::MissingTextures;
 
 use crate::common::shared;
 use crate::common::{render_waves, timed_job, timing};

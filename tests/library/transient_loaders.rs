@@ -2,10 +2,11 @@
 
 use std::fs;
 
-use lumbre::script::scene;
+use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{DelayKind, SceneDesc, TextureSlot};
-use lumbre_light::scene::load::MissingTextures;
-use lumbre_light::scene::{compile, load};
+use lumbre_lua::scene;
+use lumbre_scene_io::load;
+use lumbre_scene_io::load::MissingTextures;
 
 /// The material of thesis S2, figure B.3, inside a further delay, and the objects that use it.
 const XML: &str = r#"<scene version="3.0.0">

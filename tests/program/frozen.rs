@@ -7,7 +7,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use lumbre::output::exr;
+use lumbre_report::exr;
 use serde_json::Value as Json;
 
 use crate::cli::workplace::{Workplace, copy_folder};

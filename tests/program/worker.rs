@@ -15,7 +15,6 @@ use lumbre_light::scene::compile::{
     Model, Sharing, Texture, UvMap, compile_sharing,
 };
 use lumbre_light::scene::desc::{DelayDesc, DelayKind};
-use lumbre_light::scene::load::load;
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::transport::delay::Profile;
 use lumbre_light::transport::integrator::integrator;
@@ -26,6 +25,7 @@ use lumbre_render::cpu::renderer::CpuRenderer;
 use lumbre_render::mock::MockRenderer;
 use lumbre_render::worker::{HEARTBEAT, Launcher, WorkerPool};
 use lumbre_render::{Job, RenderError, Renderer};
+use lumbre_scene_io::load::load;
 
 use crate::common::{SceneBuilder, grey, job, light};
 

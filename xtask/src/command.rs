@@ -38,6 +38,18 @@ pub fn output(command: &mut Command) -> Result<Vec<u8>, String> {
     }
 }
 
+/// Returns the command that packs files of a folder, whose names are to be added, into a compressed
+/// archive: sorted, without dates and owners, so that the same files give the same bytes.
+pub fn tar(archive: &Path, folder: &Path) -> Command {
+    let mut tar = Command::new("tar");
+    tar.args(["--sort=name", "--mtime=@0", "--owner=0", "--group=0"])
+        .args(["--numeric-owner", "-C"])
+        .arg(folder)
+        .arg("-czf")
+        .arg(archive);
+    tar
+}
+
 /// Writes a file, whose folder need not exist.
 ///
 /// # Errors

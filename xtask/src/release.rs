@@ -8,7 +8,7 @@ use std::process::Command;
 
 use serde_json::Value;
 
-use crate::command::{cargo, execute, output, write};
+use crate::command::{cargo, execute, output, tar, write};
 use crate::pages;
 
 /// Options of the chore.
@@ -66,22 +66,7 @@ pub fn run(args: &Args) -> Result<(), String> {
     collect(&root, &program, &folder)?;
     write_licences(&metadata, &folder.join("licences"))?;
     let archive = format!("{name}.tar.gz");
-    // Sorted, without dates and owners: the same files give the same bytes.
-    execute(
-        Command::new("tar")
-            .args([
-                "--sort=name",
-                "--mtime=@0",
-                "--owner=0",
-                "--group=0",
-                "--numeric-owner",
-            ])
-            .arg("-C")
-            .arg(work.path())
-            .arg("-czf")
-            .arg(args.out.join(&archive))
-            .arg(&name),
-    )?;
+    execute(tar(&args.out.join(&archive), work.path()).arg(&name))?;
     let sums = output(
         Command::new("sha256sum")
             .arg(&archive)

@@ -5,15 +5,15 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::backends::BACKENDS;
 use crate::cli::args::{DoctorArgs, Global};
 use crate::cli::exit::{Exit, Failure, print_result};
 use crate::cli::format::{self, display_path};
 use crate::cli::json;
-use crate::store::schema::values::Named;
-use crate::store::{Host, probe};
-use crate::text::program;
-use crate::tui;
+use lumbre_night::backends::BACKENDS;
+use lumbre_night::store::schema::values::Named;
+use lumbre_night::store::{Host, probe};
+use lumbre_night::text::program;
+use lumbre_tui::tui;
 
 /// Capabilities of this machine.
 #[derive(Serialize)]
@@ -92,7 +92,7 @@ impl MachineFacts {
                 doc: row.doc,
             }
         });
-        let (auto, auto_reason) = crate::backends::auto_backend();
+        let (auto, auto_reason) = lumbre_night::backends::auto_backend();
         let writable = check_writable(&global.out);
         MachineFacts {
             program: program(),

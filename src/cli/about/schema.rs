@@ -2,17 +2,17 @@
 
 use serde_json::{Value as Json, json};
 
-use crate::backends::BACKENDS;
 use crate::cli::args::SchemaArgs;
 use crate::cli::exit::{Exit, Failure, print_result};
-use crate::script::docgen;
 use lumbre_light::scene::desc::{MATERIAL_PARAMS, TextureSlot};
-use lumbre_light::scene::load::FORMATS;
 use lumbre_light::transport::integrator::integrators;
 use lumbre_light::transport::sampler::SAMPLERS;
 use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_lua::docgen;
 use lumbre_metrics::METRICS;
 use lumbre_metrics::tonemap::TONEMAPS;
+use lumbre_night::backends::BACKENDS;
+use lumbre_scene_io::load::FORMATS;
 
 /// Runs `lumbre schema`: prints Lua annotations for editors, or the tables as JSON.
 pub fn main(args: &SchemaArgs) -> Result<Exit, Failure> {

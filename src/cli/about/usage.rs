@@ -8,8 +8,8 @@ use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Command, Error};
 
-use crate::output::picture::EXTENSIONS;
-use crate::paths::extension;
+use lumbre_night::paths::extension;
+use lumbre_report::picture::EXTENSIONS;
 
 /// Returns the arguments with `diff` in place of `compare` if two pictures follow: `compare` takes a
 /// scene, and two pictures are compared by `diff`.

@@ -6,9 +6,9 @@ use clap::{Args, Subcommand};
 
 use super::ScriptArgs;
 use super::typed::axis_values;
-use crate::experiment::comparison_groups::Affinity;
-use crate::experiment::spec::Deadline;
 use lumbre_light::value::Value;
+use lumbre_night::experiment::comparison_groups::Affinity;
+use lumbre_night::experiment::spec::Deadline;
 
 /// Options of `lumbre work`.
 #[derive(Args, Debug)]

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::typed::{SceneArg, scene_arg, seconds};
-use crate::experiment::spec::Order;
 use lumbre_light::scene::desc::MAX_SIDE;
+use lumbre_night::experiment::spec::Order;
 
 /// Options of `lumbre verify`.
 #[derive(Args, Debug)]

@@ -29,7 +29,7 @@ pub use without_script::{
 };
 
 use crate::cli::exit;
-use lumbre_light::scene::load::MissingTextures;
+use lumbre_scene_io::load::MissingTextures;
 
 /// Command line of the program: options for every verb, and one verb.
 #[derive(Debug, Parser)]

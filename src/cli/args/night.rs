@@ -6,9 +6,9 @@ use clap::Args;
 
 use super::cluster;
 use super::typed::axis_values;
-use crate::experiment::comparison_groups::Affinity;
-use crate::experiment::spec::Deadline;
 use lumbre_light::value::Value;
+use lumbre_night::experiment::comparison_groups::Affinity;
+use lumbre_night::experiment::spec::Deadline;
 
 /// Script of an experiment, with changes of its axes.
 #[derive(Args, Clone, Debug, Default)]

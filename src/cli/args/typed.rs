@@ -2,12 +2,12 @@
 
 use std::path::PathBuf;
 
-use crate::experiment::plan::integrator_help;
 use lumbre_light::transport::integrator::external::is_declared;
 use lumbre_light::transport::integrator::{IntegratorRow, canonical_name, integrator};
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::duration_s;
 use lumbre_light::value::suggest;
+use lumbre_night::experiment::plan::integrator_help;
 
 /// Scene file with its options, from the command line.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,13 +7,13 @@ use std::time::Instant;
 use serde_json::{Value as Json, json};
 
 use super::subject::Subject;
-use crate::backends::backend;
 use crate::cli::format::aligned;
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::{IntegratorRow, integrators};
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::evaluator::Evaluator;
+use lumbre_night::backends::backend;
 use lumbre_render::shaders::Shaders;
 use lumbre_render::{Advance, Job, Renderer};
 

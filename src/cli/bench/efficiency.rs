@@ -17,11 +17,11 @@ use std::sync::Arc;
 use serde_json::{Value as Json, json};
 
 use super::interleave::interleaved;
-use crate::backends::backend;
 use lumbre_light::film::Film;
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::transport::integrator::IntegratorRow;
+use lumbre_night::backends::backend;
 use lumbre_render::hierarchy::LaneMode;
 use lumbre_render::{Job, WaveStats};
 

@@ -13,9 +13,9 @@ use serde_json::{Value as Json, json};
 use super::about::doctor;
 use super::scene::builtin::BuiltIn;
 use crate::cli::args::BenchArgs;
-use crate::store::Host;
-use lumbre_light::scene::load::MissingTextures;
+use lumbre_night::store::Host;
 use lumbre_render::cpu::bvh::simd::Isa;
+use lumbre_scene_io::load::MissingTextures;
 
 use subject::Subject;
 

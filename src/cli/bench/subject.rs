@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use crate::cli::args::SceneArg;
 use crate::cli::scene::builtin::scene_name;
-use crate::script;
-use lumbre_light::scene::load::MissingTextures;
-use lumbre_light::scene::{SceneDesc, edit};
+use lumbre_light::scene::SceneDesc;
 use lumbre_light::value::Value;
+use lumbre_scene_io::edit;
+use lumbre_scene_io::load::MissingTextures;
 
 /// Settings that select a view of the scene: the key of scripts, and the value that it changes.
 const VIEW: [&str; 2] = ["view", "camera"];
@@ -75,7 +75,8 @@ impl Subject {
             .iter()
             .cloned()
             .partition(|(name, _)| VIEW.contains(&name.as_str()));
-        let read = script::scene::read(&self.file, &options.into_iter().collect(), self.missing);
+        let read =
+            lumbre_lua::scene::read(&self.file, &options.into_iter().collect(), self.missing);
         let (mut desc, _) = read.map_err(|e| e.to_string())?;
         for (_, view) in &views {
             edit::set(&mut desc, "camera", view).map_err(|e| format!("{}: {e}", self.name))?;

@@ -7,8 +7,8 @@ use super::result::{BenchmarkCell, BenchmarkResult};
 use crate::cli::args::{BenchArgs, Global};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path};
-use crate::output::benchmark::{RateGroup, RateTable, tables};
-use crate::store;
+use lumbre_night::store;
+use lumbre_report::benchmark::{RateGroup, RateTable, tables};
 
 /// Prints tables of the results of several machines, and writes them if a folder is given.
 pub fn main(args: &BenchArgs, global: &Global) -> Result<Exit, Failure> {

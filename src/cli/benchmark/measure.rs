@@ -6,17 +6,18 @@ use std::sync::Arc;
 use std::time::{Instant, SystemTime};
 
 use super::result::{BenchmarkCell, BenchmarkResult, Machine, SUITE_VERSION};
-use crate::backends::BACKENDS;
 use crate::cli::about::doctor;
 use crate::cli::args::{BenchArgs, Global};
 use crate::cli::format::duration;
 use crate::cli::scene::builtin::{BuiltIn, scene_name};
-use crate::store::{Host, utc};
 use lumbre_light::film::Film;
-use lumbre_light::scene::{CompiledScene, compile, load};
+use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
+use lumbre_night::backends::BACKENDS;
+use lumbre_night::store::{Host, utc};
 use lumbre_render::shaders::Shaders;
 use lumbre_render::{BackendRow, Job, Renderer, WaveStats, mock};
+use lumbre_scene_io::load;
 
 /// Scenes of the suite: the built-in ones, except for a chart of pixel filters.
 const SCENES: [&str; 6] = [
@@ -105,7 +106,7 @@ pub fn measure(
     };
     Ok(BenchmarkResult {
         benchmark: SUITE_VERSION,
-        program: crate::text::program().to_owned(),
+        program: lumbre_night::text::program().to_owned(),
         quick: args.quick,
         name: args.name.clone().unwrap_or_else(|| host.cpu.clone()),
         machine: Machine {

@@ -14,7 +14,7 @@ use std::path::PathBuf;
 use crate::cli::args::{BenchArgs, Global};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::display_path;
-use crate::store;
+use lumbre_night::store;
 
 use result::SUITE_VERSION;
 

@@ -4,9 +4,9 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use crate::cli::args::JobArgs;
-pub use crate::store::schema::plan::SchedulerKind;
-use crate::store::schema::plan::{JobFile, SubmittedJob};
-use crate::store::{StoreError, StoredFile, utc};
+pub use lumbre_night::store::schema::plan::SchedulerKind;
+use lumbre_night::store::schema::plan::{JobFile, SubmittedJob};
+use lumbre_night::store::{StoreError, StoredFile, utc};
 use lumbre_render::plugin;
 
 /// Folder of job scripts, logs and the record below the night's folder.
@@ -14,24 +14,6 @@ const FOLDER: &str = "job";
 /// Time before its time limit at which a worker is asked to stop, in seconds. Agrees with the
 /// option `--signal=B:USR1@120` of Slurm jobs.
 const NOTICE_S: u64 = 120;
-
-impl SchedulerKind {
-    /// Returns the name on the command line and in the record.
-    pub fn name(self) -> &'static str {
-        match self {
-            SchedulerKind::Slurm => "slurm",
-            SchedulerKind::Hq => "hq",
-        }
-    }
-
-    /// Returns the programs that submit and cancel jobs.
-    pub fn programs(self) -> [&'static str; 2] {
-        match self {
-            SchedulerKind::Slurm => ["sbatch", "scancel"],
-            SchedulerKind::Hq => ["hq", "hq"],
-        }
-    }
-}
 
 /// Reads the jobs that were submitted for a night; empty if there are none.
 pub fn submitted_jobs(home: &Path) -> Vec<SubmittedJob> {

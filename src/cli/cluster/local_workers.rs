@@ -11,8 +11,8 @@ use super::job;
 use crate::cli::args::{Global, NightArgs};
 use crate::cli::exit::{Failure, print_status};
 use crate::cli::format::display_path;
-use crate::experiment::comparison_groups::{Affinity, comparison_group};
-use crate::experiment::{CellRef, NightControls, Plan};
+use lumbre_night::experiment::comparison_groups::{Affinity, comparison_group};
+use lumbre_night::experiment::{CellRef, NightControls, Plan};
 
 /// Time between two checks whether the workers have exited.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
@@ -41,7 +41,7 @@ impl LocalWorkers {
     pub fn devices(plan: &Plan, night: &NightArgs) -> Result<Vec<String>, Failure> {
         if !night.devices.is_empty() {
             let indices =
-                crate::backends::resolve_devices(&night.devices).map_err(Failure::usage)?;
+                lumbre_night::backends::resolve_devices(&night.devices).map_err(Failure::usage)?;
             return Ok(indices.into_iter().skip(1).collect());
         }
         let backends: BTreeSet<&str> = plan
@@ -51,7 +51,7 @@ impl LocalWorkers {
             .collect();
         let same_model: BTreeSet<String> = backends
             .into_iter()
-            .flat_map(crate::backends::same_model_devices)
+            .flat_map(lumbre_night::backends::same_model_devices)
             .collect();
         Ok(same_model.into_iter().collect())
     }

@@ -3,18 +3,18 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::backends::auto_backend;
 use crate::cli::args::{Global, ScriptArgs};
 use crate::cli::exit::Failure;
 use crate::cli::format::display_path;
 use crate::cli::night::last_command::parse;
 use crate::cli::night::load;
 use crate::cli::night::permission::PlanUse;
-use crate::experiment::Plan;
-use crate::paths::SCRIPT_COPY;
-use crate::script::{self, Limits, Script};
-use crate::store::{PlanCommand, PlanSnapshot, Store, StoreError, StoredFile};
-use crate::text::program;
+use lumbre_lua::{Limits, Script};
+use lumbre_night::backends::auto_backend;
+use lumbre_night::experiment::Plan;
+use lumbre_night::paths::SCRIPT_COPY;
+use lumbre_night::store::{PlanCommand, PlanSnapshot, Store, StoreError, StoredFile};
+use lumbre_night::text::program;
 
 /// Saves in a night's folder what workers need to rebuild its plan.
 ///
@@ -29,7 +29,7 @@ pub fn save_plan_snapshot(
     let command = PlanCommand {
         script: folder.join(&script.script),
         folder,
-        arguments: crate::text::arguments(),
+        arguments: lumbre_night::text::arguments(),
         auto: auto_backend().0.to_owned(),
     };
     let out = store.folder().parent().unwrap_or(store.folder());
@@ -85,7 +85,7 @@ pub fn restore_plan(home: &Path, global: &Global) -> Result<RestoredPlan, Failur
         script: snapshot.script.clone(),
         ..script_args
     };
-    crate::backends::set_auto_backend(&snapshot.auto);
+    lumbre_night::backends::set_auto_backend(&snapshot.auto);
     let file = home.join(SCRIPT_COPY);
     let text = std::fs::read_to_string(&file)
         .map_err(|e| damaged(&format!("{}: {e}", display_path(&file))))?;
@@ -95,7 +95,7 @@ pub fn restore_plan(home: &Path, global: &Global) -> Result<RestoredPlan, Failur
         ..global.clone()
     };
     let load = || {
-        script::load_text(&snapshot.script, text.clone(), Limits::default())
+        lumbre_lua::load_text(&snapshot.script, text.clone(), Limits::default())
             .map_err(Failure::script)
     };
     let rebuilt = load::plan_of(&load, &script_args, PlanUse::Render, &global, false);

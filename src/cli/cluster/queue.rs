@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::process::{Command, Stdio};
 
 use super::job::SchedulerKind;
-use crate::store::schema::plan::SubmittedJob;
+use lumbre_night::store::schema::plan::SubmittedJob;
 
 /// One task of a job array, which runs one worker.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -14,8 +14,8 @@ use crate::cli::night::load::decode_picture;
 use crate::cli::night::permission::PlanUse;
 use crate::cli::own_techniques;
 use crate::cli::selector;
-use crate::experiment::Plan;
-use crate::store::{Store, write_atomically};
+use lumbre_night::experiment::Plan;
+use lumbre_night::store::{Store, write_atomically};
 
 /// Runs `lumbre submit`: saves a snapshot of the plan and submits a job array of workers.
 pub fn submit(args: &SubmitArgs, global: &Global) -> Result<Exit, Failure> {

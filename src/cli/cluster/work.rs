@@ -6,7 +6,6 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::plan_snapshot::{RestoredPlan, restore_plan};
-use crate::backends::{backend, device_index};
 use crate::cli::args::{Global, WorkArgs};
 use crate::cli::exit::{Exit, Failure, print_status};
 use crate::cli::format::display_path;
@@ -19,17 +18,18 @@ use crate::cli::night::recorder::Recorder;
 use crate::cli::night::results;
 use crate::cli::night::signals::{self, StopSignal};
 use crate::cli::selector;
-use crate::experiment::comparison_groups::{Affinity, StartOffset};
-use crate::experiment::event::Event;
-use crate::experiment::forecast::ThroughputHistory;
-use crate::experiment::run::Options;
-use crate::experiment::run_progress::Claim;
-use crate::experiment::{
+use lumbre_lua::Script;
+use lumbre_night::backends::{backend, device_index};
+use lumbre_night::experiment::comparison_groups::{Affinity, StartOffset};
+use lumbre_night::experiment::event::Event;
+use lumbre_night::experiment::forecast::ThroughputHistory;
+use lumbre_night::experiment::run::Options;
+use lumbre_night::experiment::run_progress::Claim;
+use lumbre_night::experiment::{
     CellRef, Night, NightControls, NightSummary, Outcome, Plan, Sink, SinkError, run,
 };
-use crate::script::Script;
-use crate::store::schema::journal::JournalEvent;
-use crate::store::{Host, PlanStatus, RenderDevice, Store, WorkerInfo};
+use lumbre_night::store::schema::journal::JournalEvent;
+use lumbre_night::store::{Host, PlanStatus, RenderDevice, Store, WorkerInfo};
 use lumbre_render::backend_choice;
 
 /// Number of passes over the plan before a worker gives up on a night that is still not done.
@@ -473,8 +473,8 @@ impl Sink for BiasCheckSink<'_> {
 
 /// Returns a warning if a folder seems to be on a disk that other machines cannot access.
 pub(super) fn local_disk_warning(home: &Path) -> Option<String> {
-    let kind = crate::store::lock::filesystem_kind::detect(home)?;
-    (!crate::store::lock::filesystem_kind::is_network(&kind)).then(|| {
+    let kind = lumbre_night::store::lock::filesystem_kind::detect(home)?;
+    (!lumbre_night::store::lock::filesystem_kind::is_network(&kind)).then(|| {
         format!(
             "{} is on a local file system ({kind}); workers on other machines cannot access it",
             display_path(home)
@@ -485,13 +485,24 @@ pub(super) fn local_disk_warning(home: &Path) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::output::fixture::{done, ended, night, numbers, plan};
+    use lumbre_night::experiment::EndCause;
+    use lumbre_night::experiment::night::NightPlan;
+    use lumbre_night::experiment::night::run::RunPlan;
 
     #[test]
     fn the_hash_of_results_tells_failed_runs_from_finished_ones() {
-        let plan = plan(&[("depth", numbers(&[2.0, 5.0]))], 1);
-        let hash = |events: [Event; 2]| results_hash(&night(&plan, &events));
-        let finished = |cell| done(cell, &[(1.0, 0.5)]);
+        let run = |id: &str| RunPlan {
+            id: id.to_owned(),
+            ..RunPlan::default()
+        };
+        let hash = |events: [Event; 2]| {
+            let runs = ["ab12", "cd34"].map(run).into();
+            let mut night = Night::new(NightPlan::default(), runs, Vec::new());
+            events.iter().for_each(|event| night.apply(event));
+            results_hash(&night)
+        };
+        let ended = |cell, outcome| Event::ended(CellRef::Cell(cell), outcome, Vec::new());
+        let finished = |cell| ended(cell, Outcome::Done(EndCause::limit("64 samples")));
         let failed = |cell| ended(cell, Outcome::Failed("no memory".to_owned()));
         let cached = |cell| ended(cell, Outcome::Cached("runs/0".into()));
         let different = [

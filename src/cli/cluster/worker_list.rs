@@ -9,8 +9,8 @@ use super::job::submitted_jobs;
 use super::queue::{Task, tasks};
 use crate::cli::format;
 use crate::cli::inspect::watch::describe_state;
-use crate::store::list_workers;
-use crate::store::{WorkerState, WorkerStatus};
+use lumbre_night::store::list_workers;
+use lumbre_night::store::{WorkerState, WorkerStatus};
 
 /// Maximum number of workers in the text table.
 const MAX_LISTED: usize = 40;
@@ -155,7 +155,7 @@ impl WorkerList {
 #[cfg(test)]
 mod tests {
     use crate::cli::cluster::worker_list::*;
-    use crate::store::RenderDevice;
+    use lumbre_night::store::RenderDevice;
 
     fn worker(job: &str, age_s: f64, state: WorkerState) -> WorkerStatus {
         let device = RenderDevice {

@@ -10,14 +10,14 @@ use crate::cli::args::{DiffArgs, Global, MetricArgs, split, value};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{self, counted, display_path};
 use crate::cli::json;
-use crate::output::picture::{self, Picture};
-use crate::output::{exr, png};
-use crate::paths::extension;
-use crate::store::{Evidence, NOISE};
 use lumbre_light::film::Image;
 use lumbre_light::value::Value;
 use lumbre_metrics::map::ErrorMap;
 use lumbre_metrics::{METRICS, MetricError, MetricSpec};
+use lumbre_night::paths::extension;
+use lumbre_night::store::{Evidence, NOISE};
+use lumbre_report::picture::{self, Picture};
+use lumbre_report::{exr, png};
 
 /// Runs `lumbre metric`: prints the error of a picture against a reference for one or more metrics.
 pub fn metric(args: &MetricArgs, global: &Global) -> Result<Exit, Failure> {
@@ -105,7 +105,7 @@ pub fn diff(args: &DiffArgs, global: &Global) -> Result<Exit, Failure> {
             .each_ref()
             .map(|file| display_path(file));
         let xml = junit(files.each_ref().map(String::as_str), &difference.limits);
-        crate::store::write_atomically(path, xml.as_bytes()).map_err(Failure::usage)?;
+        lumbre_night::store::write_atomically(path, xml.as_bytes()).map_err(Failure::usage)?;
     }
     if let (Some(path), Some(format)) = (args.map_file(), format) {
         difference.write_map(path, format)?;
@@ -153,11 +153,11 @@ impl Difference {
             ("image", image),
             ("reference", reference),
             ("scale", format!("{low} to {high}")),
-            ("program", crate::text::program().to_owned()),
+            ("program", lumbre_night::text::program().to_owned()),
         ];
         let metadata = metadata.map(|(key, value)| (key.to_owned(), value));
         let bytes = format.encode(&self.map, self.scale, &metadata)?;
-        crate::store::write_atomically(path, &bytes).map_err(Failure::usage)
+        lumbre_night::store::write_atomically(path, &bytes).map_err(Failure::usage)
     }
 
     /// Formats the result as JSON. `file` is the file of the error map.

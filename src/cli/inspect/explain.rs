@@ -11,10 +11,10 @@ use crate::cli::json;
 use crate::cli::night::last_command::last_command;
 use crate::cli::night::load;
 use crate::cli::night::permission::PlanUse;
-use crate::experiment::{CellRef, Plan};
-use crate::store::schema::plan::PlanFile;
-use crate::store::{Integrity, RunReader, RunRecord, StoredFile};
 use lumbre_light::value::Value;
+use lumbre_night::experiment::{CellRef, Plan};
+use lumbre_night::store::schema::plan::PlanFile;
+use lumbre_night::store::{Integrity, RunReader, RunRecord, StoredFile};
 
 /// Prints why a run would or would not be rendered again by a script, or by that with which its
 /// experiment was last run.

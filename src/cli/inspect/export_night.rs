@@ -9,9 +9,9 @@ use serde_json::{Value as Json, json};
 use crate::cli::args::{ExportArgs, Global};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path};
-use crate::output::report::{self, Member, ReportOptions, Study};
-use crate::store::read::night::read_night;
-use crate::store::{self, Evidence};
+use lumbre_night::store::read::night::read_night;
+use lumbre_night::store::{self, Evidence};
+use lumbre_report::report::{self, Member, ReportOptions, Study};
 
 /// Script that draws the exported pictures with figuregen.
 const FIGURE: &str = include_str!("figuregen.py");

@@ -10,9 +10,9 @@ use crate::cli::format::{counted, display_path, rounded};
 use crate::cli::reproduce::stored_run;
 use crate::cli::scene::trace::check_pixel;
 use crate::cli::{figure_files, json};
-use crate::output::guiding::{TreeFigure, draw};
-use crate::store::RunRecord;
+use lumbre_night::store::RunRecord;
 use lumbre_render::cpu::guiding_tree::{COLUMNS, GuidingTree, ROWS};
+use lumbre_report::guiding::{TreeFigure, draw};
 
 /// Trains the tree of a run, and draws it where the camera sees `pixel`.
 pub fn show(
@@ -38,7 +38,10 @@ pub fn show(
     let stem = stem.unwrap_or_else(|| PathBuf::from(format!("tree-{id:.8}")));
     let svg = draw(&TreeFigure {
         heading: &format!("Guiding tree of {id:.8}, pixel {x}, {y}"),
-        description: &format!("{}\nrun {id}\npixel {x}, {y}", crate::text::program()),
+        description: &format!(
+            "{}\nrun {id}\npixel {x}, {y}",
+            lumbre_night::text::program()
+        ),
         tree: &tree,
         pixel,
         density: density.as_deref(),

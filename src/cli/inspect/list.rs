@@ -11,11 +11,11 @@ use crate::cli::args::{Global, LsArgs, ShowArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{self, counted, display_path};
 use crate::cli::{json, selector};
-use crate::experiment::night::run::RunState;
-use crate::experiment::{CellRef, Night, Outcome, WaveRow};
-use crate::store::schema::journal::WaveRecord;
-use crate::store::schema::run::DoneFile;
-use crate::store::{Listing, Measurements, RunRecord, latest_experiment, list_experiments};
+use lumbre_night::experiment::night::run::RunState;
+use lumbre_night::experiment::{CellRef, Night, Outcome, WaveRow};
+use lumbre_night::store::schema::journal::WaveRecord;
+use lumbre_night::store::schema::run::DoneFile;
+use lumbre_night::store::{Listing, Measurements, RunRecord, latest_experiment, list_experiments};
 
 /// A line of the list: a run, or a reference that is rendered.
 struct Line<'a> {

@@ -5,11 +5,11 @@ use serde_json::{Value as Json, json};
 
 use crate::cli::exit::Failure;
 use crate::cli::format::rounded;
-use crate::experiment::bias_check::check_bias;
-use crate::output::plot::escape;
 use lumbre_light::film::Image;
 use lumbre_light::film::ztest::Estimate;
 use lumbre_metrics::{Better, MetricSpec};
+use lumbre_night::experiment::bias_check::check_bias;
+use lumbre_report::plot::escape;
 
 /// Name of the limit of the noise.
 const ZTEST: &str = "ztest";

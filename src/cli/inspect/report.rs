@@ -10,14 +10,14 @@ use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path};
 use crate::cli::night::load::decode_picture;
 use crate::cli::{json, selector};
-use crate::experiment::night::Night;
-use crate::output::picture;
-use crate::output::report::{
+use lumbre_light::film::Image;
+use lumbre_night::experiment::night::Night;
+use lumbre_night::store::read::night::read_night;
+use lumbre_night::store::{self, Evidence};
+use lumbre_report::picture;
+use lumbre_report::report::{
     self, ItemKind, Report, ReportContext, ReportError, ReportItem, ReportOptions, Study,
 };
-use crate::store::read::night::read_night;
-use crate::store::{self, Evidence};
-use lumbre_light::film::Image;
 
 /// Runs `lumbre report`: builds a report and writes its files.
 pub fn main(args: &ReportArgs, global: &Global) -> Result<Exit, Failure> {

@@ -9,15 +9,15 @@ use crate::cli::args::{Global, StatusArgs};
 use crate::cli::cluster::WorkerList;
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{self, counted, display_path};
-use crate::experiment::night::state_counts::StateCounts;
-use crate::experiment::{CellRef, Outcome};
-use crate::store::schema::status::{
+use lumbre_night::experiment::night::state_counts::StateCounts;
+use lumbre_night::experiment::{CellRef, Outcome};
+use lumbre_night::store::schema::status::{
     CellCounts, CurrentRun, FailureRecord, ReferenceCounts, ShardCounts, StatusReport,
 };
-use crate::store::{StoredFile, utc};
-use crate::tui::format as tui_format;
-use crate::tui::model::eta::Eta;
-use crate::tui::model::night::NightModel;
+use lumbre_night::store::{StoredFile, utc};
+use lumbre_tui::tui::format as tui_format;
+use lumbre_tui::tui::model::eta::Eta;
+use lumbre_tui::tui::model::night::NightModel;
 
 /// Time without changes of files after which a night is reported as silent, in seconds.
 const SILENCE_S: f64 = 60.0;

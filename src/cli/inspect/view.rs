@@ -7,11 +7,11 @@ use crate::cli::exit::{Exit, Failure, print_result};
 use crate::cli::format::display_path;
 use crate::cli::scene::trace::check_pixel;
 use crate::cli::selector;
-use crate::output::time::{self, Movie, TimeCurve, TimeFile};
-use crate::output::{exr, png};
-use crate::store::FILMS;
-use crate::store::schema::run::ConfigFile;
 use lumbre_light::film::time::CUBE_FILE;
+use lumbre_night::store::FILMS;
+use lumbre_night::store::schema::run::ConfigFile;
+use lumbre_report::time::{self, Movie, TimeCurve, TimeFile};
+use lumbre_report::{exr, png};
 
 /// Runs `lumbre view`: writes the requested files to a folder and prints their paths.
 pub fn main(args: &ViewArgs, global: &Global) -> Result<Exit, Failure> {

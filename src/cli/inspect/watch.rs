@@ -13,14 +13,14 @@ use crate::cli::night::load::decode_picture;
 use crate::cli::night::log::Log;
 use crate::cli::night::signals;
 use crate::cli::selector;
-use crate::experiment::NightControls;
-use crate::output::time;
-use crate::store::{Follower, TimedEvent, TimesFile, Update, WorkerState, WorkerStatus};
-use crate::tui::model::night::NightModel;
-use crate::tui::model::time_preview::{TimePreview, TimePreviewBuilder};
-use crate::tui::model::worker_list::WorkerLine;
-use crate::tui::{self, Dashboard, Role};
 use lumbre_light::scene::desc::MAX_SIDE;
+use lumbre_night::experiment::NightControls;
+use lumbre_night::store::{Follower, TimedEvent, TimesFile, Update, WorkerState, WorkerStatus};
+use lumbre_report::time;
+use lumbre_tui::tui::model::night::NightModel;
+use lumbre_tui::tui::model::time_preview::{TimePreview, TimePreviewBuilder};
+use lumbre_tui::tui::model::worker_list::WorkerLine;
+use lumbre_tui::tui::{self, Dashboard, Role};
 
 /// Time between two reads of the files.
 const FILE_POLL_INTERVAL: Duration = Duration::from_millis(500);
@@ -141,8 +141,8 @@ pub(in crate::cli) fn describe_state(worker: &WorkerStatus) -> String {
 #[cfg(test)]
 mod tests {
     use crate::cli::inspect::watch::*;
-    use crate::experiment::CellRef;
     use lumbre_light::film::time::{TimeAxis, TimeCube};
+    use lumbre_night::experiment::CellRef;
 
     #[test]
     fn a_time_preview_from_a_file_equals_the_rendered_one() {

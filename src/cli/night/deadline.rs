@@ -5,8 +5,8 @@ use std::time::{Duration, SystemTime};
 use jiff::Zoned;
 use jiff::civil::Time;
 
-use crate::experiment::spec::Deadline;
 use lumbre_light::value::Value;
+use lumbre_night::experiment::spec::Deadline;
 
 /// Parses a deadline such as `08:00` or `7.5h`.
 pub fn parse(text: &str) -> Result<Deadline, String> {

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use crate::experiment::NightControls;
-use crate::store::StoreError;
+use lumbre_night::experiment::NightControls;
+use lumbre_night::store::StoreError;
 
 /// Time between two attempts to write.
 pub const RETRY_INTERVAL: Duration = Duration::from_secs(2);

@@ -7,10 +7,10 @@ use clap::Parser;
 use crate::cli::args::{Cli, Global, ScriptArgs, Verb};
 use crate::cli::exit::Failure;
 use crate::cli::format::display_path;
-use crate::paths::SCRIPT_COPY;
-use crate::store::StoredFile;
-use crate::store::schema::plan::EnvFile;
-use lumbre_light::scene::load::files;
+use lumbre_night::paths::SCRIPT_COPY;
+use lumbre_night::store::StoredFile;
+use lumbre_night::store::schema::plan::EnvFile;
+use lumbre_scene_io::load::files;
 
 /// Returns the script with its axis changes and the global options of the command that last ran an
 /// experiment. Changes the current folder to the one in which that command was given, since the

@@ -8,15 +8,15 @@ use super::permission::{PlanUse, commands_allowed};
 use crate::cli::args::{Global, ScriptArgs};
 use crate::cli::exit::{Failure, print_status};
 use crate::cli::format::display_path;
-use crate::experiment::Plan;
-use crate::experiment::plan::{Overrides, PlanError, expand};
-use crate::output::exr;
-use crate::paths::folder_of;
-use crate::script::{self, Script, ScriptError};
 use lumbre_light::film::Image;
-use lumbre_light::scene::load::{FORMATS, MissingTextures, files};
 use lumbre_light::scene::{Note, SceneDesc, SceneError};
 use lumbre_light::value::{Value, suggest};
+use lumbre_lua::{Script, ScriptError};
+use lumbre_night::experiment::Plan;
+use lumbre_night::experiment::plan::{Overrides, PlanError, expand};
+use lumbre_night::paths::folder_of;
+use lumbre_report::exr;
+use lumbre_scene_io::load::{FORMATS, MissingTextures, files};
 
 /// Loads a script and expands its plan without rendering. Commands of the script run only with
 /// permission; see [`permission`](super::permission).
@@ -29,7 +29,7 @@ pub fn load_plan(
     global: &Global,
 ) -> Result<(Script, Arc<Plan>), Failure> {
     expect_script(&args.script)?;
-    let load = || script::load(&args.script).map_err(Failure::script);
+    let load = || lumbre_lua::load(&args.script).map_err(Failure::script);
     plan_of(&load, args, usage, global, false)
 }
 
@@ -43,7 +43,7 @@ pub fn load_plan_for_cluster(
     global: &Global,
 ) -> Result<(Script, Arc<Plan>), Failure> {
     expect_script(&args.script)?;
-    let load = || script::load(&args.script).map_err(Failure::script);
+    let load = || lumbre_lua::load(&args.script).map_err(Failure::script);
     plan_of(&load, args, usage, global, true)
 }
 
@@ -102,7 +102,7 @@ pub fn expand_plan(
         commands,
     };
     let mut load = |path: &Path, options: &BTreeMap<String, Value>| {
-        script::scene::read(path, options, global.missing())
+        lumbre_lua::scene::read(path, options, global.missing())
     };
     let (plan, files) = files::opened_by(|| expand(&script.spec, script, &overrides, &mut load));
     let files = files.into_iter().chain(script.modules()).collect();
@@ -118,7 +118,7 @@ pub fn load_scene(
     path: &Path,
     missing: MissingTextures,
 ) -> Result<(SceneDesc, Vec<Note>), SceneError> {
-    script::scene::read(path, &BTreeMap::new(), missing)
+    lumbre_lua::scene::read(path, &BTreeMap::new(), missing)
 }
 
 /// Prints the notes and warnings of a plan, including the notes about its scene files.
@@ -223,7 +223,7 @@ fn scripts_in(folder: &Path) -> Vec<String> {
     scripts
 }
 
-/// Decodes a stored picture (EXR). This is the decoder that [`crate::store`] uses.
+/// Decodes a stored picture (EXR). This is the decoder that [`lumbre_night::store`] uses.
 pub fn decode_picture(bytes: &[u8]) -> Result<Image, String> {
     exr::decode(bytes)
         .map(|(image, _)| image)

@@ -1,8 +1,8 @@
 //! The warning about a machine that other programs keep busy, whose render times vary.
 
 use crate::cli::format::{counted, rounded};
-use crate::experiment::Plan;
-use crate::experiment::spec::Order;
+use lumbre_night::experiment::Plan;
+use lumbre_night::experiment::spec::Order;
 
 /// Share of the machine that other programs may use without a warning.
 const MAX_LOAD: f64 = 0.3;

@@ -14,8 +14,8 @@ use tracing_subscriber::Layer;
 use tracing_subscriber::layer::{Context, SubscriberExt};
 
 use crate::cli::exit::print_status;
-use crate::store::utc;
-use crate::text::visible;
+use lumbre_night::store::utc;
+use lumbre_night::text::visible;
 
 /// Handle to the log, shared between the `tracing` layer and the code that sets the destinations.
 #[derive(Clone, Debug, Default)]

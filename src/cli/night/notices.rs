@@ -8,9 +8,9 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use crate::cli::format::counted;
-use crate::experiment::event::{Event, Sink, SinkError};
-use crate::experiment::spec::{NOTICE_PLACEHOLDERS, Notice, NoticeEvent};
-use crate::experiment::{CellRef, Outcome, Plan};
+use lumbre_night::experiment::event::{Event, Sink, SinkError};
+use lumbre_night::experiment::spec::{NOTICE_PLACEHOLDERS, Notice, NoticeEvent};
+use lumbre_night::experiment::{CellRef, Outcome, Plan};
 use lumbre_render::external::{run_once, words};
 
 /// Number of notices that wait to be sent; further ones are dropped, so that a night in which

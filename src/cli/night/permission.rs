@@ -12,9 +12,9 @@ use std::path::{Path, PathBuf};
 use crate::cli::args::Global;
 use crate::cli::exit::{Failure, print_status};
 use crate::cli::format::display_path;
-use crate::experiment::plan::PlannedCommand;
-use crate::script::Script;
-use crate::text::visible;
+use lumbre_lua::Script;
+use lumbre_night::experiment::plan::PlannedCommand;
+use lumbre_night::text::visible;
 use lumbre_render::external::words;
 
 /// Use that a command of the program makes of a plan.

@@ -11,15 +11,19 @@ use super::permission::{self, PlanUse};
 use crate::cli::args::{Global, PlanArgs};
 use crate::cli::exit::{Exit, Failure, print_result};
 use crate::cli::format::{self, counted, display_path};
-use crate::experiment::event::{FinishedRun, History};
-use crate::experiment::forecast::{Forecast, Throughput, ThroughputHistory, WorkloadKey, forecast};
-use crate::experiment::memory;
-use crate::experiment::noise_floor::floors;
-use crate::experiment::plan::{Estimate, PlannedCommand, ReferenceSource, unreachable_thresholds};
-use crate::experiment::spec::Order;
-use crate::experiment::{CellRef, Plan, StopRule};
-use crate::store::schema::plan::PlanFile;
-use crate::store::{Archive, plan_file, throughput_history};
+use lumbre_night::experiment::event::{FinishedRun, History};
+use lumbre_night::experiment::forecast::{
+    Forecast, Throughput, ThroughputHistory, WorkloadKey, forecast,
+};
+use lumbre_night::experiment::memory;
+use lumbre_night::experiment::noise_floor::floors;
+use lumbre_night::experiment::plan::{
+    Estimate, PlannedCommand, ReferenceSource, unreachable_thresholds,
+};
+use lumbre_night::experiment::spec::Order;
+use lumbre_night::experiment::{CellRef, Plan, StopRule};
+use lumbre_night::store::schema::plan::PlanFile;
+use lumbre_night::store::{Archive, plan_file, throughput_history};
 use lumbre_render::shaders::ShaderFolder;
 
 /// Runs `lumbre plan`: prints the plan of a script.

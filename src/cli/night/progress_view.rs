@@ -6,9 +6,9 @@ use std::sync::Arc;
 use super::log::Log;
 use crate::cli::args::Global;
 use crate::cli::exit::Exit;
-use crate::experiment::outcome::Level;
-use crate::experiment::{NightControls, Sink};
-use crate::tui;
+use lumbre_night::experiment::outcome::Level;
+use lumbre_night::experiment::{NightControls, Sink};
+use lumbre_tui::tui;
 
 /// Display of a running night: the dashboard, or lines on stderr.
 pub(in crate::cli) enum ProgressView {

@@ -4,14 +4,14 @@ use std::collections::BTreeSet;
 
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path};
-use crate::experiment::aa_check;
-use crate::experiment::night::state_counts::StateCounts;
-use crate::experiment::plan::ReferenceSource;
-use crate::experiment::spec::{FigureSpec, TableFormat};
-use crate::experiment::{Night, NightSummary, Outcome, Plan};
-use crate::output::report::requested;
-use crate::output::{plot, summary};
-use crate::store::Store;
+use lumbre_night::experiment::aa_check;
+use lumbre_night::experiment::night::state_counts::StateCounts;
+use lumbre_night::experiment::plan::ReferenceSource;
+use lumbre_night::experiment::spec::{FigureSpec, TableFormat};
+use lumbre_night::experiment::{Night, NightSummary, Outcome, Plan};
+use lumbre_night::store::Store;
+use lumbre_report::report::requested;
+use lumbre_report::{plot, summary};
 
 /// Prints the backends of a plan with their devices, and why `auto` selects one of them.
 pub(super) fn print_backends(plan: &Plan) {
@@ -25,12 +25,12 @@ pub(super) fn print_backends(plan: &Plan) {
         .map(|c| &c.config.backend)
         .chain(rendered)
         .collect();
-    let (auto, reason) = crate::backends::auto_backend();
+    let (auto, reason) = lumbre_night::backends::auto_backend();
     for name in names
         .into_iter()
         .filter(|name| *name != lumbre_render::external::BACKEND)
     {
-        let device = crate::backends::backend(name).map(|row| (row.probe)());
+        let device = lumbre_night::backends::backend(name).map(|row| (row.probe)());
         let (Ok(device) | Err(device)) = device.unwrap_or_else(|| Err("unknown".to_owned()));
         let selected = if auto == name.as_str() {
             format!(" (auto selects {name}: {reason})")

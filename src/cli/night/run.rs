@@ -18,14 +18,14 @@ use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path};
 use crate::cli::selector;
 use crate::cli::tev::{Tev, TevSink};
-use crate::experiment::event::{History, Sink};
-use crate::experiment::forecast::ThroughputHistory;
-use crate::experiment::night::state_counts::StateCounts;
-use crate::experiment::plan::ReferenceSource;
-use crate::experiment::run::Options;
-use crate::experiment::{CellRef, Night, NightControls, NightSummary, Plan, run};
-use crate::script::Script;
-use crate::store::{Store, list_experiments, throughput_history};
+use lumbre_lua::Script;
+use lumbre_night::experiment::event::{History, Sink};
+use lumbre_night::experiment::forecast::ThroughputHistory;
+use lumbre_night::experiment::night::state_counts::StateCounts;
+use lumbre_night::experiment::plan::ReferenceSource;
+use lumbre_night::experiment::run::Options;
+use lumbre_night::experiment::{CellRef, Night, NightControls, NightSummary, Plan, run};
+use lumbre_night::store::{Store, list_experiments, throughput_history};
 
 /// Runs `lumbre run`: renders an experiment, or what is left of a night, and writes its results.
 pub fn main(args: &RunArgs, global: &Global, log: &Log) -> Result<Exit, Failure> {

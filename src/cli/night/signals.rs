@@ -4,11 +4,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
 
 use crate::cli::exit::{Exit, Failure};
-use crate::experiment::NightControls;
+use lumbre_night::experiment::NightControls;
 #[cfg(unix)]
-use crate::text;
+use lumbre_night::text;
 #[cfg(unix)]
-use crate::tui::terminal::terminal_guard::restore_now;
+use lumbre_tui::tui::terminal::terminal_guard::restore_now;
 
 /// Number of the last signal that stopped the night; 0 if there was none.
 #[derive(Clone, Debug, Default)]

@@ -16,11 +16,11 @@ use super::exit::{Exit, Failure, print_result, print_status};
 use super::verify::picture::{NoisyPicture, judge};
 use crate::cli::format::{counted, display_path};
 use crate::cli::{json, selector};
-use crate::output::png;
-use crate::store;
 use lumbre_light::film::{Film, Image};
 use lumbre_light::math::stats::normal_two_sided_p;
 use lumbre_metrics::MetricSpec;
+use lumbre_night::store;
+use lumbre_report::png;
 use stored_run::{Rendered, StoredRun};
 
 /// Result of reproducing one run.

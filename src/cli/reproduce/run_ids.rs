@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use crate::output::provenance::Provenance;
-use crate::output::{exr, png};
-use crate::paths::extension;
-use crate::store::schema::run::ConfigFile;
-use crate::store::{StoredFile, regular_file};
+use lumbre_night::paths::extension;
+use lumbre_night::store::schema::run::ConfigFile;
+use lumbre_night::store::{StoredFile, regular_file};
+use lumbre_report::provenance::Provenance;
+use lumbre_report::{exr, png};
 
 /// Runs that a file names.
 pub struct RunIds {

@@ -3,27 +3,27 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::backends::backend;
 use crate::cli::args::Global;
 use crate::cli::night::load::decode_picture;
-use crate::experiment::plan::identity;
-use crate::experiment::shards::split;
-use crate::script;
-use crate::store::schema::plan::{EnvFile, PlanFile};
-use crate::store::schema::run::{ConfigFile, DoneFile};
-use crate::store::{self, Evidence, NightReader, RunReader, StoredFile};
 use lumbre_light::film::{Film, Image, SharedImage};
 use lumbre_light::scene::compile::compile_sharing;
 use lumbre_light::scene::desc::content_hash;
-use lumbre_light::scene::{CompiledScene, SceneDesc, edit};
+use lumbre_light::scene::{CompiledScene, SceneDesc};
 use lumbre_light::transport::integrator::external::{is_declared, is_external};
 use lumbre_light::transport::integrator::{integrator, own};
+use lumbre_night::backends::backend;
+use lumbre_night::experiment::plan::identity;
+use lumbre_night::experiment::shards::split;
+use lumbre_night::store::schema::plan::{EnvFile, PlanFile};
+use lumbre_night::store::schema::run::{ConfigFile, DoneFile};
+use lumbre_night::store::{self, Evidence, NightReader, RunReader, StoredFile};
 use lumbre_render::Settings;
 use lumbre_render::denoise::{self, Denoise, oidn};
 use lumbre_render::external::{self, Access, words};
 use lumbre_render::reference_halves::ReferenceHalves;
 use lumbre_render::shaders::Shaders;
 use lumbre_render::{Job, RenderError, Renderer};
+use lumbre_scene_io::edit;
 
 /// Maximum number of samples per pixel rendered in one call.
 const SAMPLES_PER_STEP: u64 = 64;
@@ -393,7 +393,7 @@ fn load_scene(
                 .join(", ")
         )
     })?;
-    let read = script::scene::read(file, &render.scene_options, global.missing());
+    let read = lumbre_lua::scene::read(file, &render.scene_options, global.missing());
     let (mut scene, _) = read.map_err(|e| e.to_string())?;
     edit::apply(&mut scene, &render.set).map_err(|e| e.to_string())?;
     Ok(scene)

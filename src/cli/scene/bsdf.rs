@@ -9,16 +9,16 @@ use crate::cli::args::{BsdfArgs, Global, unknown_name};
 use crate::cli::exit::{Exit, Failure, print_result};
 use crate::cli::figure_files;
 use crate::cli::format::rounded;
-use crate::output::lobe::{LobeFigure, draw};
-use crate::script;
 use lumbre_light::math::Frame;
 use lumbre_light::scene::compile::{Material, NONE, Uv};
-use lumbre_light::scene::{CompiledScene, compile, edit};
+use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::bsdf::Bsdf;
 use lumbre_light::transport::delay::profile_at;
 use lumbre_light::transport::surface::Surface;
 use lumbre_render::lobe::Lobe;
 use lumbre_render::lobe::fit::{DelayFit, DirectionFit};
+use lumbre_report::lobe::{LobeFigure, draw};
+use lumbre_scene_io::edit;
 
 /// P-value below which samples do not follow the stated density, so that the verb fails.
 const SIGNIFICANCE: f64 = 1e-4;
@@ -34,7 +34,7 @@ struct Found {
 pub fn main(args: &BsdfArgs, global: &Global) -> Result<Exit, Failure> {
     let options = args.option.iter().cloned().collect();
     let (mut desc, _) =
-        script::scene::read(&args.file, &options, global.missing()).map_err(Failure::usage)?;
+        lumbre_lua::scene::read(&args.file, &options, global.missing()).map_err(Failure::usage)?;
     for (path, value) in &args.set {
         edit::set(&mut desc, path, value).map_err(Failure::usage)?;
     }
@@ -62,7 +62,7 @@ pub fn main(args: &BsdfArgs, global: &Global) -> Result<Exit, Failure> {
     );
     let description = format!(
         "{}\nscene {}\nmaterial {}",
-        crate::text::program(),
+        lumbre_night::text::program(),
         args.file.display(),
         args.material
     );

@@ -87,7 +87,8 @@ pub fn scene_name(path: &Path) -> String {
 #[cfg(test)]
 mod tests {
     use crate::cli::scene::builtin::*;
-    use lumbre_light::scene::{compile, load};
+    use lumbre_light::scene::compile;
+    use lumbre_scene_io::load;
 
     #[test]
     fn every_built_in_scene_is_embedded_and_complete() {

@@ -11,11 +11,10 @@ use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, rounded};
 use crate::cli::json;
 use crate::cli::night::load;
-use crate::script;
-use crate::script::scene::LoadedScene;
-use crate::text::visible;
 use lumbre_light::scene::desc::{CameraDesc, CameraKind};
 use lumbre_light::scene::{self, CompiledScene, SceneDesc, SceneError};
+use lumbre_lua::scene::LoadedScene;
+use lumbre_night::text::visible;
 
 /// Maximum number of names that are listed.
 const MOST_NAMES: usize = 40;
@@ -25,7 +24,7 @@ pub fn main(args: &CheckArgs, global: &Global) -> Result<Exit, Failure> {
     let mut exit = Exit::Done;
     let mut checks = Vec::new();
     for file in &args.files {
-        let checked = if script::scene::is_lua(file) {
+        let checked = if lumbre_lua::scene::is_lua(file) {
             check_lua(file, global)
         } else {
             check_scene(file, global)
@@ -69,8 +68,8 @@ struct Checked {
 /// Checks a Lua file, which may be an experiment or a scene.
 fn check_lua(file: &Path, global: &Global) -> Result<Checked, Failure> {
     load::expect_script(file)?;
-    let script = match script::load(file) {
-        Err(error) if script::scene::is_scene(&error) => return check_scene(file, global),
+    let script = match lumbre_lua::load(file) {
+        Err(error) if lumbre_lua::scene::is_scene(&error) => return check_scene(file, global),
         loaded => loaded.map_err(Failure::script)?,
     };
     let args = ScriptArgs {
@@ -99,7 +98,7 @@ fn check_lua(file: &Path, global: &Global) -> Result<Checked, Failure> {
 
 /// Checks a scene file of any format.
 fn check_scene(file: &Path, global: &Global) -> Result<Checked, Failure> {
-    if file.is_dir() && !scene::load::is_folder(file) {
+    if file.is_dir() && !lumbre_scene_io::load::is_folder(file) {
         return Err(Failure::usage(format!(
             "{} is a folder; give the files in it",
             file.display()
@@ -141,8 +140,8 @@ fn check_scene(file: &Path, global: &Global) -> Result<Checked, Failure> {
 
 /// Reads a scene with the options that it declares.
 fn read_scene(file: &Path, global: &Global) -> Result<LoadedScene, Failure> {
-    if script::scene::is_lua(file) {
-        let loaded = script::scene::load(file, &BTreeMap::new(), global.missing());
+    if lumbre_lua::scene::is_lua(file) {
+        let loaded = lumbre_lua::scene::load(file, &BTreeMap::new(), global.missing());
         return loaded.map_err(|e| Failure::usage(SceneError::Script(e.to_string())));
     }
     let (scene, notes) = load::load_scene(file, global.missing()).map_err(Failure::usage)?;

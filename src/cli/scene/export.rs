@@ -6,8 +6,7 @@ use crate::cli::args::{ExportArgs, Global};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path};
 use crate::cli::inspect::export_night;
-use crate::script;
-use lumbre_light::scene::{edit, export};
+use lumbre_scene_io::{edit, export};
 
 /// Runs `lumbre export`: reads a scene, applies its options and settings, and writes it.
 pub fn main(args: &ExportArgs, global: &Global) -> Result<Exit, Failure> {
@@ -26,7 +25,7 @@ pub fn main(args: &ExportArgs, global: &Global) -> Result<Exit, Failure> {
     }
     let options = args.option.iter().cloned().collect();
     let (mut desc, mut notes) =
-        script::scene::read(&args.file, &options, global.missing()).map_err(Failure::usage)?;
+        lumbre_lua::scene::read(&args.file, &options, global.missing()).map_err(Failure::usage)?;
     for (path, value) in &args.set {
         edit::set(&mut desc, path, value).map_err(Failure::usage)?;
     }

@@ -7,7 +7,6 @@ use std::sync::Arc;
 
 use serde_json::{Value as Json, json};
 
-use crate::backends::backend;
 use crate::cli::args::{Global, TraceArgs, integrator_row, unknown_name};
 use crate::cli::bench::subject::Subject;
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
@@ -16,12 +15,13 @@ use crate::cli::reproduce::stored_run;
 use crate::cli::selector;
 use lumbre_light::scene::compile::MAX_FLATTENED_PRIMITIVES;
 use lumbre_light::scene::desc::MAX_SIDE;
-use lumbre_light::scene::load::{FORMATS, is_folder};
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::sampler::{SAMPLER_NAMES, sampler};
 use lumbre_light::value::Value;
+use lumbre_night::backends::backend;
 use lumbre_render::Job;
 use lumbre_render::path_trace::{MAX_PATH_EVENTS, PathEvent, SampleAt};
+use lumbre_scene_io::load::{FORMATS, is_folder};
 
 /// Returns whether an argument means a scene, which need not exist, and not a run.
 fn is_scene(file: &Path) -> bool {

@@ -12,8 +12,8 @@ use super::technique::{self, Technique};
 use super::{Check, VerifyRequest};
 use crate::cli::night::load;
 use crate::cli::scene::builtin::{BuiltIn, scene_name};
-use lumbre_light::scene::load::MissingTextures;
 use lumbre_light::scene::{CompiledScene, compile};
+use lumbre_scene_io::load::MissingTextures;
 
 /// Identifies the seeds of these checks.
 const SEED_FAMILY: u64 = 2;

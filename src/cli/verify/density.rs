@@ -11,7 +11,6 @@ use super::technique::Technique;
 use super::{Check, Outcome, Verdict, VerifyRequest};
 use crate::cli::night::load;
 use crate::cli::scene::builtin::{BuiltIn, scene_name};
-use lumbre_light::scene::load::MissingTextures;
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::{Camera, FilterSpec};
@@ -24,6 +23,7 @@ use lumbre_light::transport::light::Lights;
 use lumbre_light::transport::mis;
 use lumbre_light::value::Value;
 use lumbre_render::cpu::bvh::accel::Accel;
+use lumbre_scene_io::load::MissingTextures;
 
 /// Identifies the seeds of these checks.
 const SEED_FAMILY: u64 = 4;

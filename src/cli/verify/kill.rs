@@ -8,9 +8,9 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::cli::scene::builtin::BuiltIn;
-use crate::store::StoredFile;
-use crate::store::schema::journal::{JournalEvent, JournalLine, OutcomeKind};
-use crate::store::schema::run::DoneFile;
+use lumbre_night::store::StoredFile;
+use lumbre_night::store::schema::journal::{JournalEvent, JournalLine, OutcomeKind};
+use lumbre_night::store::schema::run::DoneFile;
 
 /// The night: a sample limit ends every cell, so that results do not depend on a clock. It has two
 /// techniques (one with a splat film and layers), a checkpoint in every slice, snapshots, a

@@ -18,11 +18,11 @@ use crate::cli::night::load;
 use lumbre_light::film::Image;
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::compile;
-use lumbre_light::scene::load::MissingTextures;
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::sampler::SOBOL;
 use lumbre_render::cpu::renderer::CpuRenderer;
 use lumbre_render::{Job, Renderer};
+use lumbre_scene_io::load::MissingTextures;
 
 /// Largest difference of the ratio of means from one.
 pub const MEAN_BOUND: f64 = 0.01;

@@ -23,15 +23,15 @@ use super::picture::{Judgement, NoisyPicture, Setting, judge, render};
 use super::technique::{self, Technique};
 use super::{Check, Outcome, Verdict, VerifyRequest};
 use crate::cli::night::load;
-use crate::output::exr;
 use lumbre_light::film::Image;
 use lumbre_light::math::stats::{normal_two_sided_p, sidak};
-use lumbre_light::scene::edit::set;
-use lumbre_light::scene::load::MissingTextures;
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::camera::{Camera, FilterKind, FilterSpec};
 use lumbre_light::transport::sampler::Sampler;
 use lumbre_render::cpu::bvh::accel::Accel;
+use lumbre_report::exr;
+use lumbre_scene_io::edit::set;
+use lumbre_scene_io::load::MissingTextures;
 
 /// Number of camera paths of a picture, in a full and in a quick run.
 const PATHS: u64 = 64 * 320 * 180;

@@ -12,18 +12,18 @@ use crate::cli::format::{display_path, rounded};
 use crate::cli::night::last_command::latest;
 use crate::cli::night::log::Log;
 use crate::cli::night::run;
-use crate::experiment::WaveRow;
-use crate::experiment::night::Night;
-use crate::experiment::night::reference::biased_reference;
-use crate::experiment::night::run::{Run, efficiency};
-use crate::output::clock;
-use crate::output::lanes::mixed_lanes;
-use crate::output::metric_display::MetricDisplay;
-use crate::output::repeats::MetricCurve;
-use crate::store::read::night::read_night;
-use crate::store::{self, Evidence};
 use lumbre_light::transport::integrator::bias_of;
 use lumbre_metrics::MetricSpec;
+use lumbre_night::experiment::WaveRow;
+use lumbre_night::experiment::night::Night;
+use lumbre_night::experiment::night::reference::biased_reference;
+use lumbre_night::experiment::night::run::{Run, efficiency};
+use lumbre_night::store::read::night::read_night;
+use lumbre_night::store::{self, Evidence};
+use lumbre_report::clock;
+use lumbre_report::lanes::mixed_lanes;
+use lumbre_report::metric_display::MetricDisplay;
+use lumbre_report::repeats::MetricCurve;
 
 /// Metric by which techniques are compared.
 const METRIC: &str = "relmse";
@@ -203,9 +203,9 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::experiment::night::NightPlan;
-    use crate::experiment::night::run::{RunPlan, RunState};
-    use crate::experiment::{EndCause, Outcome};
+    use lumbre_night::experiment::night::NightPlan;
+    use lumbre_night::experiment::night::run::{RunPlan, RunState};
+    use lumbre_night::experiment::{EndCause, Outcome};
 
     /// Returns a finished run from the render times and errors of its waves, which took ten times
     /// as long on the wall clock. `floor` is the noise of its reference.

@@ -7,9 +7,9 @@ use crate::cli::args::ComparisonArgs;
 use crate::cli::exit::Failure;
 use crate::cli::format::rounded;
 use crate::cli::scene::builtin::scene_name;
-use crate::script::literal;
 use lumbre_light::transport::integrator::{UNBIASED_REFERENCE, bias_of, integrator};
 use lumbre_light::value::Value;
+use lumbre_lua::literal;
 
 /// Render time of the reference over that of one run.
 const REFERENCE_FACTOR: f64 = 8.0;

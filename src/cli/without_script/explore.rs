@@ -9,26 +9,25 @@ use crate::cli::args::{ExploreArgs, Global};
 use crate::cli::exit::{Exit, Failure};
 use crate::cli::night::signals;
 use crate::cli::scene::builtin::{BuiltIn, scene_name};
-use crate::experiment::NightControls;
-use crate::explore::explorer::ExploreOptions;
-use crate::explore::picker::SceneList;
-use crate::explore::session::SessionOptions;
-use crate::explore::settings::SceneFile;
-use crate::explore::terminal;
-use crate::paths::folder_of;
-use crate::script;
-use crate::tui::{OutputMode, output_mode};
-use lumbre_light::scene::load::is_folder;
+use lumbre_night::experiment::NightControls;
+use lumbre_night::paths::folder_of;
 use lumbre_render::cpu;
+use lumbre_scene_io::load::is_folder;
+use lumbre_tui::explore::explorer::ExploreOptions;
+use lumbre_tui::explore::picker::SceneList;
+use lumbre_tui::explore::session::SessionOptions;
+use lumbre_tui::explore::settings::SceneFile;
+use lumbre_tui::explore::terminal;
+use lumbre_tui::tui::{OutputMode, output_mode};
 
 /// Runs `lumbre explore`.
 pub fn main(args: &ExploreArgs, global: &Global) -> Result<Exit, Failure> {
     let backend = global.backend.as_deref().unwrap_or(cpu::ROW.name);
     let backend = match backend {
-        "auto" => crate::backends::auto_backend().0,
+        "auto" => lumbre_night::backends::auto_backend().0,
         name => name,
     };
-    let row = crate::backends::backend(backend)
+    let row = lumbre_night::backends::backend(backend)
         .ok_or_else(|| Failure::usage(format!("there is no backend `{backend}`")))?;
     (row.probe)().map_err(|e| Failure::usage(format!("backend `{backend}`: {e}")))?;
     // Keeps the files of the built-in scenes until the program ends.
@@ -131,8 +130,8 @@ fn check_settings(
     let Some(scene) = scene.or(first.as_ref()) else {
         return Ok(());
     };
-    let settings = crate::explore::settings::Settings::new(&args.settings());
+    let settings = lumbre_tui::explore::settings::Settings::new(&args.settings());
     let table = settings.request_table(scene, [1, 1]);
-    script::render_settings(&table, Path::new(".")).map_err(Failure::usage)?;
+    lumbre_lua::render_settings(&table, Path::new(".")).map_err(Failure::usage)?;
     Ok(())
 }

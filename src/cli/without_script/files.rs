@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use image::codecs::hdr::HdrEncoder;
 
 use crate::cli::scene::builtin::scene_name;
-use crate::output::{exr, png};
-use crate::paths::{extension, folder_of};
 use lumbre_light::film::Image;
 use lumbre_metrics::tonemap::Tonemap;
+use lumbre_night::paths::{extension, folder_of};
+use lumbre_report::{exr, png};
 
 /// Format of a picture file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -115,7 +115,7 @@ fn encode_hdr(image: &Image) -> image::ImageResult<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::output::picture;
+    use lumbre_report::picture;
 
     fn paths(given: &[&str], scene: &str) -> Result<Vec<PathBuf>, String> {
         let given: Vec<PathBuf> = given.iter().map(PathBuf::from).collect();

@@ -8,7 +8,6 @@ use super::new_technique;
 use crate::cli::args::{ComparisonArgs, Global, NewArgs, NewExperimentArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{display_path, rounded};
-use crate::script;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::duration_s;
 
@@ -37,8 +36,9 @@ fn write_script(args: &NewExperimentArgs, global: &Global) -> Result<Exit, Failu
         ask(&mut comparison, &mut io::stdin().lock()).map_err(Failure::usage)?;
     }
     let text = script_text(&comparison, &display_path(&path))?;
-    script::load_text(&path, text.clone(), script::Limits::default()).map_err(Failure::script)?;
-    crate::store::write_atomically(&path, text.as_bytes()).map_err(Failure::internal)?;
+    lumbre_lua::load_text(&path, text.clone(), lumbre_lua::Limits::default())
+        .map_err(Failure::script)?;
+    lumbre_night::store::write_atomically(&path, text.as_bytes()).map_err(Failure::internal)?;
     if !global.quiet {
         print_status(&format!(
             "next: lumbre plan {0} shows what it renders; lumbre run {0} renders it",

@@ -6,7 +6,6 @@ use std::time::{Duration, Instant};
 use serde_json::{Value as Json, json};
 
 use super::{files, settings};
-use crate::backends;
 use crate::cli::args::{Global, RenderArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path, duration, rounded};
@@ -14,15 +13,16 @@ use crate::cli::json;
 use crate::cli::night::load::print_notes_and_warnings;
 use crate::cli::night::signals;
 use crate::cli::tev::Tev;
-use crate::experiment::{Cell, NightControls, memory};
-use crate::tui::live_picture::LivePicture;
 use lumbre_light::film::{Film, Image};
 use lumbre_light::scene::compile::compile_sharing;
 use lumbre_light::transport::integrator::external::is_external;
 use lumbre_metrics::tonemap::Tonemap;
+use lumbre_night::backends;
+use lumbre_night::experiment::{Cell, NightControls, memory};
 use lumbre_render::denoise::{self, Denoise};
 use lumbre_render::external::{self, Access};
 use lumbre_render::{Job, Picture, RenderError, Renderer, WaveStats};
+use lumbre_tui::tui::live_picture::LivePicture;
 
 /// Samples per pixel if neither `--spp` nor `--time` is given.
 const DEFAULT_SAMPLES: u64 = 64;
@@ -39,7 +39,7 @@ pub fn main(args: &RenderArgs, global: &Global) -> Result<Exit, Failure> {
     let plan = settings::plan(args, global)?;
     for output in &outputs {
         // Found before rendering, which may take hours.
-        crate::store::probe(output.folder()).map_err(Failure::usage)?;
+        lumbre_night::store::probe(output.folder()).map_err(Failure::usage)?;
     }
     print_notes_and_warnings(&plan, global.quiet);
     if let Some(skipped) = plan.skipped.first() {
@@ -298,7 +298,7 @@ fn metadata(args: &RenderArgs, cell: &Cell, film: &Film) -> Vec<(String, String)
         .map(|(key, value)| format!("{key}={value}"))
         .collect();
     [
-        ("program", crate::text::program().to_owned()),
+        ("program", lumbre_night::text::program().to_owned()),
         ("scene", args.picture.scene.text.clone()),
         ("settings", settings.join(" ")),
         ("integrator", cell.config.integrator.clone()),
@@ -326,7 +326,7 @@ fn write(
     let bytes = output
         .encode(image, display, metadata)
         .map_err(Failure::internal)?;
-    crate::store::write_atomically(&output.path, &bytes).map_err(Failure::internal)
+    lumbre_night::store::write_atomically(&output.path, &bytes).map_err(Failure::internal)
 }
 
 #[cfg(test)]

@@ -6,13 +6,12 @@ use std::path::Path;
 
 use crate::cli::args::{Global, PictureArgs, RenderArgs};
 use crate::cli::exit::Failure;
-use crate::experiment::outcome::WaveRow;
-use crate::experiment::plan::expand;
-use crate::experiment::spec::{HookError, MeasureSpec, ReferenceRequest, Snapshots};
-use crate::experiment::{ExperimentSpec, Overrides, Plan, Point, ScriptHooks, StopRule};
-use crate::script;
 use lumbre_light::value::Value;
 use lumbre_metrics::tonemap::Tonemap;
+use lumbre_night::experiment::outcome::WaveRow;
+use lumbre_night::experiment::plan::expand;
+use lumbre_night::experiment::spec::{HookError, MeasureSpec, ReferenceRequest, Snapshots};
+use lumbre_night::experiment::{ExperimentSpec, Overrides, Plan, Point, ScriptHooks, StopRule};
 use lumbre_render::Settings;
 
 /// Key of the technique in render tables.
@@ -42,7 +41,7 @@ pub fn plan(args: &RenderArgs, global: &Global) -> Result<Plan, Failure> {
         ..Overrides::default()
     };
     let mut load = |path: &Path, options: &BTreeMap<String, Value>| {
-        script::scene::read(path, options, global.missing())
+        lumbre_lua::scene::read(path, options, global.missing())
     };
     expand(&experiment(), &OneCell { config }, &overrides, &mut load).map_err(Failure::usage)
 }
@@ -56,7 +55,7 @@ pub fn checked_settings(
     technique: &str,
 ) -> Result<Settings, Failure> {
     table.insert(INTEGRATOR.to_owned(), technique.into());
-    script::render_settings(&table, Path::new(".")).map_err(|mut error| {
+    lumbre_lua::render_settings(&table, Path::new(".")).map_err(|mut error| {
         // The command line has no table `render`.
         if let Some(path) = error.path.strip_prefix("render.") {
             error.path = path.to_owned();

@@ -1,7 +1,7 @@
 //! The significance of the A/A check, by pairs of runs whose p-values are known.
 
-use lumbre::experiment::aa_check::{Finding, check};
-use lumbre::experiment::{CellRef, EndCause, Event, Night, Outcome, WaveRow};
+use lumbre_night::experiment::aa_check::{Finding, check};
+use lumbre_night::experiment::{CellRef, EndCause, Event, Night, Outcome, WaveRow};
 
 use crate::experiment::fixtures::Lab;
 

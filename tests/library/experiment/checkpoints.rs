@@ -5,14 +5,14 @@ use std::io::{self, Write};
 use std::sync::Arc;
 use std::time::Duration;
 
-use lumbre::experiment::event::{FinishedRun, History, SaveState};
-use lumbre::experiment::run::{Open, Options, Seams, run_with};
-use lumbre::experiment::run_progress::{Checkpoint, RunProgress};
-use lumbre::experiment::shards::WorkUnit;
-use lumbre::experiment::{
+use lumbre_light::film::{Film, Image};
+use lumbre_night::experiment::event::{FinishedRun, History, SaveState};
+use lumbre_night::experiment::run::{Open, Options, Seams, run_with};
+use lumbre_night::experiment::run_progress::{Checkpoint, RunProgress};
+use lumbre_night::experiment::shards::WorkUnit;
+use lumbre_night::experiment::{
     CellRef, NightControls, NightSummary, Outcome, Plan, SinkError, StopRule, WaveRow,
 };
-use lumbre_light::film::{Film, Image};
 use lumbre_render::mock::{MockRenderer, SECONDS_PER_PATH};
 use lumbre_render::{Advance, OpenStats, RenderError, Renderer, WaveStats};
 

@@ -1,8 +1,8 @@
 //! Errors that prevent a plan, and their messages.
 
-use lumbre::experiment::spec::{HookError, ReferenceRequest};
-use lumbre::experiment::{StopRule, stop::Comparison};
 use lumbre_light::value::Value;
+use lumbre_night::experiment::spec::{HookError, ReferenceRequest};
+use lumbre_night::experiment::{StopRule, stop::Comparison};
 
 use crate::experiment::fixtures::{Lab, config, ints};
 

@@ -3,16 +3,16 @@
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex};
 
-use lumbre::experiment::aa_check::{Finding, check};
-use lumbre::experiment::outcome::Level;
-use lumbre::experiment::plan::identity::{cell_seed, warmup_seed};
-use lumbre::experiment::run::{Open, Options, Seams, run_with};
-use lumbre::experiment::spec::{Order, Warmup};
-use lumbre::experiment::{
-    CellRef, Event, NightControls, NightSummary, Outcome, Plan, Sink, SinkError, StopRule,
-};
 use lumbre_light::film::Film;
 use lumbre_light::transport::camera::FilterKind;
+use lumbre_night::experiment::aa_check::{Finding, check};
+use lumbre_night::experiment::outcome::Level;
+use lumbre_night::experiment::plan::identity::{cell_seed, warmup_seed};
+use lumbre_night::experiment::run::{Open, Options, Seams, run_with};
+use lumbre_night::experiment::spec::{Order, Warmup};
+use lumbre_night::experiment::{
+    CellRef, Event, NightControls, NightSummary, Outcome, Plan, Sink, SinkError, StopRule,
+};
 use lumbre_render::Settings;
 use lumbre_render::mock::MockRenderer;
 use lumbre_render::{Advance, Job, OpenStats, RenderError, Renderer, WaveStats};

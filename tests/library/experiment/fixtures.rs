@@ -6,16 +6,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::Vec3;
-use lumbre::experiment::event::{FinishedRun, History};
-use lumbre::experiment::noise_floor::HalfImages;
-use lumbre::experiment::outcome::Level;
-use lumbre::experiment::plan::{LoadedScene, expand};
-use lumbre::experiment::run::{Open, Seams, run_with};
-use lumbre::experiment::spec::{Axis, HookError, MeasureSpec, ReferenceRequest, Snapshots};
-use lumbre::experiment::{
-    CellRef, Event, ExperimentSpec, NightControls, NightSummary, Outcome, Overrides, Plan,
-    PlanError, Point, RunError, RunId, ScriptHooks, Sink, SinkError, StopRule, WaveRow,
-};
 use lumbre_light::film::{Film, Image};
 use lumbre_light::scene::desc::{
     CameraDesc, EntityDesc, MaterialDesc, Optics, ShapeDesc, Transform,
@@ -24,6 +14,16 @@ use lumbre_light::scene::{Note, SceneDesc, SceneError};
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
+use lumbre_night::experiment::event::{FinishedRun, History};
+use lumbre_night::experiment::noise_floor::HalfImages;
+use lumbre_night::experiment::outcome::Level;
+use lumbre_night::experiment::plan::{LoadedScene, expand};
+use lumbre_night::experiment::run::{Open, Seams, run_with};
+use lumbre_night::experiment::spec::{Axis, HookError, MeasureSpec, ReferenceRequest, Snapshots};
+use lumbre_night::experiment::{
+    CellRef, Event, ExperimentSpec, NightControls, NightSummary, Outcome, Overrides, Plan,
+    PlanError, Point, RunError, RunId, ScriptHooks, Sink, SinkError, StopRule, WaveRow,
+};
 use lumbre_render::Settings;
 use lumbre_render::mock::MockRenderer;
 

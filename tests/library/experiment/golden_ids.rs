@@ -3,11 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use lumbre::experiment::Plan;
-use lumbre::experiment::plan::{Overrides, expand};
-use lumbre::script;
-use lumbre_light::scene::load::MissingTextures;
 use lumbre_light::value::Value;
+use lumbre_night::experiment::Plan;
+use lumbre_night::experiment::plan::{Overrides, expand};
+use lumbre_scene_io::load::MissingTextures;
 
 /// Cases with the first digits of their ids. An id changes with what determines a picture: state
 /// that and why in CHANGELOG.md, and replace it here.
@@ -57,10 +56,11 @@ return x
     );
     let cases: Vec<String> = cases.iter().map(|case| format!("{case:?}")).collect();
     let text = text.replace("CASES", &cases.join(", "));
-    let script = script::load_text(Path::new("golden.lua"), text, script::Limits::default())
-        .unwrap_or_else(|e| panic!("{e}"));
+    let script =
+        lumbre_lua::load_text(Path::new("golden.lua"), text, lumbre_lua::Limits::default())
+            .unwrap_or_else(|e| panic!("{e}"));
     let mut load = |path: &Path, options: &BTreeMap<String, Value>| {
-        script::scene::read(path, options, MissingTextures::Fail)
+        lumbre_lua::scene::read(path, options, MissingTextures::Fail)
     };
     let overrides = Overrides {
         backend: Some("cpu".to_owned()),

@@ -2,18 +2,18 @@
 
 use std::collections::BTreeMap;
 
-use lumbre::experiment::plan::{Overrides, ReferenceSource};
-use lumbre::experiment::spec::{
-    FigureKind, FigureSpec, FigureX, ReferenceRequest, RunColumn, Snapshots, TableFormat,
-    TableSpec, TableValue,
-};
-use lumbre::experiment::{Plan, StopRule, stop::Comparison};
 use lumbre_light::film::layer::Layer;
 use lumbre_light::scene::compile::Sharing;
 use lumbre_light::transport::camera::FilterKind;
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
+use lumbre_night::experiment::plan::{Overrides, ReferenceSource};
+use lumbre_night::experiment::spec::{
+    FigureKind, FigureSpec, FigureX, ReferenceRequest, RunColumn, Snapshots, TableFormat,
+    TableSpec, TableValue,
+};
+use lumbre_night::experiment::{Plan, StopRule, stop::Comparison};
 use lumbre_render::Settings;
 use lumbre_render::hierarchy::{Builder, Quality};
 
@@ -186,7 +186,7 @@ fn every_field_that_affects_a_picture_or_its_measurements_changes_the_id() {
         }),
         ("captures", |p| p.lab.spec.measure.captures = true),
         ("fallback of the backend", |p| {
-            (p.config.backend, p.config.fallback) = ("auto".into(), Some("cpu"))
+            p.config.fallback = Some("cpu")
         }),
         ("metrics", |p| p.lab.spec.measure.metrics.clear()),
         ("column", |p| {

@@ -4,9 +4,9 @@ use std::cell::Cell;
 use std::sync::Arc;
 use std::time::Duration;
 
-use lumbre::experiment::outcome::Level;
-use lumbre::experiment::run::{Seams, run_with};
-use lumbre::experiment::{
+use lumbre_night::experiment::outcome::Level;
+use lumbre_night::experiment::run::{Seams, run_with};
+use lumbre_night::experiment::{
     CellRef, Event, NightControls, NightSummary, Outcome, PauseAt, Sink, SinkError,
 };
 

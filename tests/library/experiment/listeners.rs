@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use lumbre::experiment::outcome::Level;
-use lumbre::experiment::run::{Open, RunError};
-use lumbre::experiment::spec::HookError;
-use lumbre::experiment::{CellRef, EndCause, Event, Outcome, Sink, SinkError, StopRule};
 use lumbre_light::film::Film;
 use lumbre_light::transport::path_time::Timing;
 use lumbre_light::value::Value;
+use lumbre_night::experiment::outcome::Level;
+use lumbre_night::experiment::run::{Open, RunError};
+use lumbre_night::experiment::spec::HookError;
+use lumbre_night::experiment::{CellRef, EndCause, Event, Outcome, Sink, SinkError, StopRule};
 use lumbre_render::Settings;
 use lumbre_render::mock::MockRenderer;
 use lumbre_render::{Advance, OpenStats, RenderError, Renderer, WaveStats};
@@ -213,7 +213,7 @@ fn invalid_samples_are_counted_and_reported_once_with_their_position() {
 #[test]
 fn a_failed_reference_fails_its_cells_with_its_reason() {
     let lab = depths([1, 2, 3]).measured();
-    let reference_seeds = lumbre::experiment::plan::identity::reference_seeds();
+    let reference_seeds = lumbre_night::experiment::plan::identity::reference_seeds();
     let open: Open<'_> = &move |_, scene, job| {
         let limit = if reference_seeds.contains(&job.seed) && job.max_depth == 2 {
             100
@@ -377,7 +377,7 @@ fn time_previews_are_sent_on_request_when_the_samples_have_doubled() {
             ..Recorder::default()
         };
         let night = Night {
-            open: &lumbre::backends::open,
+            open: &lumbre_night::backends::open,
             ..Night::default()
         };
         night.render(&lab, &plan, &mut [&mut recorder]).unwrap();

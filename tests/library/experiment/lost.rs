@@ -8,15 +8,15 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 
-use lumbre::experiment::event::{FinishedRun, History, SaveState};
-use lumbre::experiment::outcome::Level;
-use lumbre::experiment::run::{Options, Seams, run_with};
-use lumbre::experiment::run_progress::{Checkpoint, RunProgress};
-use lumbre::experiment::shards::WorkUnit;
-use lumbre::experiment::{
+use lumbre_light::film::{Film, Image};
+use lumbre_night::experiment::event::{FinishedRun, History, SaveState};
+use lumbre_night::experiment::outcome::Level;
+use lumbre_night::experiment::run::{Options, Seams, run_with};
+use lumbre_night::experiment::run_progress::{Checkpoint, RunProgress};
+use lumbre_night::experiment::shards::WorkUnit;
+use lumbre_night::experiment::{
     CellRef, NightControls, NightSummary, Outcome, Plan, RunId, Sink, SinkError,
 };
-use lumbre_light::film::{Film, Image};
 use lumbre_render::mock::MockRenderer;
 use lumbre_render::{Advance, OpenStats, RenderError, Renderer, WaveStats};
 
@@ -127,7 +127,7 @@ fn night(lab: &Lab, losses: &[i64]) -> (NightSummary, Recorder) {
     run_night(lab, &open)
 }
 
-fn run_night(lab: &Lab, open: lumbre::experiment::run::Open<'_>) -> (NightSummary, Recorder) {
+fn run_night(lab: &Lab, open: lumbre_night::experiment::run::Open<'_>) -> (NightSummary, Recorder) {
     let mut recorder = Recorder::default();
     let seams = Seams { open, wait: &|| {} };
     let plan = Arc::new(lab.plan());
@@ -166,7 +166,7 @@ fn a_run_resumes_from_its_newest_checkpoint_after_every_loss_of_its_device() {
                 "{losses:?}: {outcome:?}"
             );
             assert_eq!(recorder.film(CELL), whole.film(CELL), "{losses:?}");
-            let totals = |rows: &[lumbre::experiment::WaveRow]| {
+            let totals = |rows: &[lumbre_night::experiment::WaveRow]| {
                 rows.iter().map(|r| r.samples).collect::<Vec<_>>()
             };
             assert_eq!(

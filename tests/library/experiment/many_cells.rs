@@ -4,10 +4,10 @@ use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::sync::{Arc, Weak};
 
-use lumbre::experiment::spec::Order;
-use lumbre::experiment::{CellRef, run};
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::compile;
+use lumbre_night::experiment::spec::Order;
+use lumbre_night::experiment::{CellRef, run};
 use lumbre_render::Renderer;
 use lumbre_render::mock::MockRenderer;
 

@@ -6,17 +6,17 @@ use std::io;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
-use lumbre::experiment::event::{FinishedRun, History, SaveState};
-use lumbre::experiment::night::run::RunState;
-use lumbre::experiment::outcome::Level;
-use lumbre::experiment::run::{Options, Seams, run_with};
-use lumbre::experiment::run_progress::{Checkpoint, Claim, RunProgress};
-use lumbre::experiment::shards::WorkUnit;
-use lumbre::experiment::spec::Order;
-use lumbre::experiment::{
+use lumbre_light::film::Image;
+use lumbre_night::experiment::event::{FinishedRun, History, SaveState};
+use lumbre_night::experiment::night::run::RunState;
+use lumbre_night::experiment::outcome::Level;
+use lumbre_night::experiment::run::{Options, Seams, run_with};
+use lumbre_night::experiment::run_progress::{Checkpoint, Claim, RunProgress};
+use lumbre_night::experiment::shards::WorkUnit;
+use lumbre_night::experiment::spec::Order;
+use lumbre_night::experiment::{
     CellRef, Event, NightControls, NightSummary, Outcome, Plan, RunId, Sink, SinkError,
 };
-use lumbre_light::film::Image;
 use lumbre_render::mock::MockRenderer;
 use lumbre_render::{RenderError, Renderer};
 
@@ -160,7 +160,7 @@ fn a_cell_interrupted_after_any_wave_resumes_to_the_same_film_and_rows() {
             recorder.film(CellRef::Cell(0)),
             whole.film(CellRef::Cell(0))
         );
-        let without_wall_time = |rows: &[lumbre::experiment::WaveRow]| -> Vec<_> {
+        let without_wall_time = |rows: &[lumbre_night::experiment::WaveRow]| -> Vec<_> {
             rows.iter()
                 .map(|r| (r.wave, r.samples, r.render_s.to_bits(), r.paths, r.rays))
                 .collect()
@@ -432,7 +432,7 @@ fn interleaved_runs_resume_from_their_checkpoints_after_any_wave() {
         for place in 0..3 {
             let i = CellRef::Cell(place);
             assert_eq!(recorder.film(i), whole.film(i), "cut after {cut} waves");
-            let clock = |result: &[lumbre::experiment::WaveRow]| {
+            let clock = |result: &[lumbre_night::experiment::WaveRow]| {
                 result
                     .last()
                     .map(|row| (row.samples, row.render_s.to_bits()))

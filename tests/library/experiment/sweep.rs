@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use lumbre::experiment::plan::{Estimate, ReferenceSource};
-use lumbre::experiment::spec::ReferenceRequest;
-use lumbre::experiment::{CellRef, Plan, StopRule};
 use lumbre_light::value::Value;
+use lumbre_night::experiment::plan::{Estimate, ReferenceSource};
+use lumbre_night::experiment::spec::ReferenceRequest;
+use lumbre_night::experiment::{CellRef, Plan, StopRule};
 
 use crate::experiment::fixtures::{Lab, at, config, depths, ints, whole_at};
 
@@ -221,7 +221,7 @@ fn auto_is_replaced_by_a_concrete_backend() {
         Ok(config)
     });
     let plan = lab.plan();
-    let first = lumbre::backends::backend("auto").unwrap().name;
+    let first = lumbre_night::backends::backend("auto").unwrap().name;
     assert_eq!(plan.cells[0].config.backend, first);
     assert_eq!(*plan.cells[0].identity.field("backend"), first.into());
 }
@@ -435,7 +435,8 @@ fn an_estimate_counts_every_run_once() {
 
 #[test]
 fn a_scene_is_loaded_once_for_each_choice_of_its_options() {
-    let mut lab = Lab::new().axis("light", ["day", "night", "day"]);
+    let mut lab = Lab::new().axis("light", ["day", "night"]);
+    lab.spec.repeats = 2;
     lab.render = Box::new(|p| {
         let mut config = config();
         config.scene_options = [("light".to_owned(), at(p, "light"))].into();

@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use lumbre::experiment::plan::ReferenceSource;
-use lumbre::experiment::{Plan, RunId};
 use lumbre_light::film::layer::Layer;
 use lumbre_light::value::Value;
+use lumbre_night::experiment::plan::ReferenceSource;
+use lumbre_night::experiment::{Plan, RunId};
 use lumbre_render::Settings;
 use lumbre_render::hierarchy::{AccelSpec, LaneMode};
 

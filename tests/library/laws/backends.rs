@@ -1,9 +1,9 @@
 //! The table of docs/reference/backends.md agrees with the code.
 
-use lumbre::backends::BACKENDS;
 use lumbre_light::film::layer::LAYERS;
 use lumbre_light::transport::integrator::INTEGRATORS;
 use lumbre_light::transport::sampler::SAMPLERS;
+use lumbre_night::backends::BACKENDS;
 use lumbre_render::shaders::Shaders;
 
 use super::source::{root, text};

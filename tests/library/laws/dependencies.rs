@@ -6,11 +6,16 @@ use std::collections::BTreeSet;
 use super::source::{code_only, text, words};
 
 /// Manifests of the workspace.
-const MANIFESTS: [&str; 7] = [
+const MANIFESTS: [&str; 12] = [
     "Cargo.toml",
     "crates/lumbre-light/Cargo.toml",
+    "crates/lumbre-lua/Cargo.toml",
     "crates/lumbre-metrics/Cargo.toml",
+    "crates/lumbre-night/Cargo.toml",
     "crates/lumbre-render/Cargo.toml",
+    "crates/lumbre-report/Cargo.toml",
+    "crates/lumbre-scene-io/Cargo.toml",
+    "crates/lumbre-tui/Cargo.toml",
     "crates/lumbre-vulkan/Cargo.toml",
     "crates/own-technique/Cargo.toml",
     "xtask/Cargo.toml",

@@ -40,7 +40,7 @@ fn every_symbol_named_in_the_page_of_transport_exists() {
 fn the_page_of_formats_has_one_heading_for_every_loader() {
     let page = text("docs/reference/formats.md");
     let headings: Vec<&str> = page.lines().filter_map(|l| l.strip_prefix("## ")).collect();
-    let names: Vec<&str> = lumbre_light::scene::load::FORMATS
+    let names: Vec<&str> = lumbre_scene_io::load::FORMATS
         .iter()
         .map(|row| row.name)
         .collect();

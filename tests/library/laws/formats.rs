@@ -2,7 +2,7 @@
 //! supports.
 
 use lumbre_light::scene::desc::MATERIAL_PARAMS;
-use lumbre_light::scene::load::{FORMATS, FormatRow};
+use lumbre_scene_io::load::{FORMATS, FormatRow};
 
 use super::source::{root, rust_files, text};
 
@@ -70,7 +70,7 @@ fn tables_of_formats_agree_with_the_loaders() {
 #[test]
 fn tables_of_formats_name_only_keys_that_occur_in_the_loader() {
     for row in FORMATS {
-        let folder = format!("crates/lumbre-light/src/scene/load/{}", row.name);
+        let folder = format!("crates/lumbre-scene-io/src/load/{}", row.name);
         let single_file = format!("{folder}.rs");
         let files = rust_files(&folder)
             .into_iter()

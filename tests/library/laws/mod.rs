@@ -1,5 +1,5 @@
-//! Rules for the code base: imports between modules, lengths of files, and the documentation that
-//! every table row needs.
+//! Rules for the code base: circles of imports, names, and the documentation that every table row
+//! needs.
 #![allow(clippy::unwrap_used, reason = "test helpers may panic")]
 
 #[cfg(feature = "vulkan")]
@@ -10,7 +10,6 @@ mod dependencies;
 mod documents;
 mod files;
 mod formats;
-mod imports;
 mod lanes;
 mod licences;
 mod records;

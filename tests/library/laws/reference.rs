@@ -22,7 +22,7 @@ fn check(page: &str, generated: &str) {
 
 #[test]
 fn the_script_reference_is_up_to_date() {
-    check("docs/reference/script.md", &lumbre::script::reference());
+    check("docs/reference/script.md", &lumbre_lua::reference());
 }
 
 #[test]
@@ -34,7 +34,7 @@ fn the_reference_of_metrics_is_up_to_date() {
 fn the_reference_of_files_is_up_to_date() {
     check(
         "docs/reference/files.md",
-        &lumbre::store::schema::reference(),
+        &lumbre_night::store::schema::reference(),
     );
 }
 

@@ -8,11 +8,16 @@ pub fn root() -> &'static Path {
 }
 
 /// Source folders of the crates of the workspace.
-pub const SOURCES: [&str; 5] = [
+pub const SOURCES: [&str; 10] = [
     "src",
     "crates/lumbre-light/src",
+    "crates/lumbre-lua/src",
     "crates/lumbre-metrics/src",
+    "crates/lumbre-night/src",
     "crates/lumbre-render/src",
+    "crates/lumbre-report/src",
+    "crates/lumbre-scene-io/src",
+    "crates/lumbre-tui/src",
     "crates/lumbre-vulkan/src",
 ];
 

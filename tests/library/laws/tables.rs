@@ -2,14 +2,14 @@
 
 use std::collections::BTreeSet;
 
-use lumbre::backends::BACKENDS;
 use lumbre_light::scene::desc::MATERIAL_PARAMS;
-use lumbre_light::scene::load::FORMATS;
 use lumbre_light::transport::integrator::INTEGRATORS;
 use lumbre_light::transport::sampler::{SAMPLERS, sampler};
 use lumbre_light::value::schema::{Field, Table, Ty};
 use lumbre_metrics::METRICS;
 use lumbre_metrics::tonemap::TONEMAPS;
+use lumbre_night::backends::BACKENDS;
+use lumbre_scene_io::load::FORMATS;
 
 fn snake_case(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_lowercase())

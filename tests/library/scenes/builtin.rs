@@ -3,8 +3,8 @@
 
 use glam::Vec3;
 use lumbre_light::scene::compile::NONE;
-use lumbre_light::scene::load::load;
 use lumbre_light::scene::{CompiledScene, SceneDesc, compile};
+use lumbre_scene_io::load::load;
 
 use super::builtin_path;
 

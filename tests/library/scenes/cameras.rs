@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 
 use glam::Vec3;
+use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{
     CameraDesc, CameraKind, EnvironmentSource, Model, SceneDesc, ViewWindow,
 };
-use lumbre_light::scene::load::load;
-use lumbre_light::scene::{compile, edit, export};
 use lumbre_light::value::Value;
+use lumbre_scene_io::load::load;
+use lumbre_scene_io::{edit, export};
 
 use super::export::{PICTURE, different_pixels, gallery, material};
 use super::{Folder, lines};

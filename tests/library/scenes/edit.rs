@@ -8,10 +8,10 @@ use lumbre_light::scene::desc::{
     CameraKind, EnvironmentDesc, EnvironmentSampling, EnvironmentSource, MATERIAL_PARAMS,
     ShapeDesc, TextureSlot, content_hash,
 };
-use lumbre_light::scene::edit::{apply, paths, set};
-use lumbre_light::scene::load::load;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::Ty;
+use lumbre_scene_io::edit::{apply, paths, set};
+use lumbre_scene_io::load::load;
 
 use super::{Folder, QUAD, builtin_path};
 

@@ -11,11 +11,11 @@ use lumbre_light::scene::desc::{
     LightKind, Lookup, MaskMode, MaterialDesc, Model, SceneDesc, ShapeDesc, Texels, TextureDesc,
     TextureSlot, Transform, Wrap,
 };
-use lumbre_light::scene::export;
 use lumbre_light::scene::shape::{cuboid, grid};
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::sampler::SOBOL;
 use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
+use lumbre_scene_io::export;
 
 use super::{Folder, builtin_path, lines, scn};
 use crate::common::job;
@@ -43,7 +43,7 @@ fn round_trip(desc: &SceneDesc) -> (SceneDesc, String) {
     );
     assert!(export::can_replace(&folder));
     let (imported, notes) =
-        lumbre_light::scene::load::load(&exported.scene).unwrap_or_else(|e| panic!("{e}"));
+        lumbre_scene_io::load::load(&exported.scene).unwrap_or_else(|e| panic!("{e}"));
     (
         imported,
         format!("{}{}", lines(&exported.notes), lines(&notes)),
@@ -501,7 +501,7 @@ fn builtin_scenes_have_the_same_primitives_after_export_and_import() {
         "masked_leaves/masked_leaves.scn",
     ] {
         let path = builtin_path(name);
-        let (desc, _) = lumbre_light::scene::load::load(&path).unwrap_or_else(|e| panic!("{e}"));
+        let (desc, _) = lumbre_scene_io::load::load(&path).unwrap_or_else(|e| panic!("{e}"));
         let (imported, _) = round_trip(&desc);
         let (a, b) = (compile(&desc).unwrap().0, compile(&imported).unwrap().0);
         let parts = |s: &lumbre_light::scene::CompiledScene| {

@@ -6,8 +6,9 @@ use lumbre_light::scene::desc::{
     Distribution, EnvironmentDesc, EnvironmentSource, MaskMode, MaterialDesc, Model, SceneDesc,
     TextureSlot, Wrap,
 };
-use lumbre_light::scene::load::load;
-use lumbre_light::scene::{CompiledScene, compile, export};
+use lumbre_light::scene::{CompiledScene, compile};
+use lumbre_scene_io::export;
+use lumbre_scene_io::load::load;
 
 use glam::{Affine2, Vec2, Vec3};
 use lumbre_light::scene::desc::Lookup;

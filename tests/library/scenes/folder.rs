@@ -4,7 +4,7 @@ use glam::{Vec2, Vec3};
 use image::codecs::hdr::HdrEncoder;
 use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{EnvironmentSource, LightKind, SceneDesc, ShapeDesc, TextureSlot};
-use lumbre_light::scene::load::{is_folder, load, load_with};
+use lumbre_scene_io::load::{is_folder, load, load_with};
 
 use super::export::picture;
 use super::samples::FOLDER as TEMPLATE;
@@ -225,7 +225,7 @@ fn textures_that_cannot_be_read_are_refused_or_noted() {
     );
     let (desc, notes) = load_with(
         &place.path("scene.json"),
-        lumbre_light::scene::load::MissingTextures::Note,
+        lumbre_scene_io::load::MissingTextures::Note,
     )
     .unwrap();
     assert!(desc.materials[0].textures.is_empty() && lines(&notes).contains("m_albedo.bmp"));

@@ -6,8 +6,8 @@ use lumbre_light::scene::desc::{
     LightKind, Lookup, MaskMode, Model, SceneDesc, ShapeDesc, Texels, TextureFilter, TextureSlot,
     Wrap,
 };
-use lumbre_light::scene::load::{MissingTextures, Variables, load_on_stage};
-use lumbre_light::scene::stage::Stage;
+use lumbre_scene_io::load::{MissingTextures, Variables, load_on_stage};
+use lumbre_scene_io::stage::Stage;
 use proptest::prelude::*;
 
 use super::samples::{GLTF as TEXT, gltf_as_glb, gltf_buffer as buffer};

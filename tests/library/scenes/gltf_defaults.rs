@@ -3,7 +3,7 @@
 use glam::{Vec3, Vec4};
 use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{MaterialDesc, Model, SceneDesc, ShapeDesc, Texels, TextureSlot};
-use lumbre_light::scene::load::{MissingTextures, load_with};
+use lumbre_scene_io::load::{MissingTextures, load_with};
 
 use super::{Folder, lines};
 

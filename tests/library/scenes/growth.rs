@@ -3,11 +3,11 @@
 
 use std::time::Duration;
 
-use lumbre::experiment::processor_time::thread_time;
-use lumbre::script::scene;
 use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::content_hash;
-use lumbre_light::scene::load::MissingTextures;
+use lumbre_lua::scene;
+use lumbre_night::experiment::processor_time::thread_time;
+use lumbre_scene_io::load::MissingTextures;
 
 use super::Folder;
 use super::growth_files::KINDS;

@@ -3,10 +3,10 @@
 
 use std::path::Path;
 
-use lumbre::script::scene;
 use lumbre_light::math::rng::pcg4d;
-use lumbre_light::scene::load::{MissingTextures, load_with, texture};
 use lumbre_light::scene::{SceneError, compile};
+use lumbre_lua::scene;
+use lumbre_scene_io::load::{MissingTextures, load_with, texture};
 
 use super::Folder;
 use super::hostile_cases::{Case, documents, meshes, places, scenes_in_xml, textures};

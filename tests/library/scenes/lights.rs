@@ -6,10 +6,10 @@ use std::path::Path;
 
 use glam::Vec3;
 use lumbre_light::scene::desc::{EnvironmentSource, LightKind, TextureSlot, content_hash};
-use lumbre_light::scene::edit::{paths, set};
 use lumbre_light::scene::{Note, SceneDesc, compile};
 use lumbre_light::transport::light::Lights;
 use lumbre_light::value::Value;
+use lumbre_scene_io::edit::{paths, set};
 
 use super::{Folder, QUAD, lines, scn};
 

@@ -5,8 +5,8 @@
 use glam::Vec3;
 use lumbre_light::scene::SceneDesc;
 use lumbre_light::scene::desc::{EnvironmentSource, Model, ShapeDesc, Texels};
-use lumbre_light::scene::load::MissingTextures;
 use lumbre_light::value::Value;
+use lumbre_scene_io::load::MissingTextures;
 
 use super::mitsuba::surface;
 use super::samples::serialized;
@@ -355,7 +355,7 @@ fn variables_are_options_of_the_scene() {
         let options = options
             .iter()
             .map(|(name, v)| ((*name).to_owned(), v.clone()));
-        lumbre::script::scene::read(
+        lumbre_lua::scene::read(
             &folder.path(file),
             &options.collect(),
             MissingTextures::Fail,

@@ -40,8 +40,8 @@ mod third_party;
 
 use std::path::{Path, PathBuf};
 
-use lumbre_light::scene::load::load;
 use lumbre_light::scene::{Note, SceneDesc, SceneError};
+use lumbre_scene_io::load::load;
 use samples::QUAD;
 
 /// A temporary folder of small files.

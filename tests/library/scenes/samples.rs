@@ -324,7 +324,7 @@ fn exr() -> Vec<u8> {
         height: 4,
         data: (0..20).map(|i| [i as f32, 0.5, 0.0]).collect(),
     };
-    lumbre::output::exr::encode(&image, &[("spp".to_owned(), "4".to_owned())])
+    lumbre_report::exr::encode(&image, &[("spp".to_owned(), "4".to_owned())])
         .expect("a small image can be encoded")
 }
 

@@ -5,9 +5,9 @@ use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{
     Lookup, MATERIAL_PARAMS, MaskMode, MaterialDesc, SceneDesc, Texels, TextureSlot, Wrap,
 };
-use lumbre_light::scene::edit::set;
-use lumbre_light::scene::load::{MissingTextures, load_with};
 use lumbre_light::value::Value;
+use lumbre_scene_io::edit::set;
+use lumbre_scene_io::load::{MissingTextures, load_with};
 
 use super::{Folder, QUAD, lines};
 

@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 use lumbre::cli::verify::pictures;
-use lumbre::script::scene;
 use lumbre_light::scene::compile::NONE;
 use lumbre_light::scene::desc::TextureSlot;
-use lumbre_light::scene::load::{MissingTextures, load, load_with};
 use lumbre_light::scene::{Note, compile};
 use lumbre_light::value::Value;
+use lumbre_lua::scene;
+use lumbre_scene_io::load::{MissingTextures, load, load_with};
 
 /// Returns a path in the folder of shared third-party data, if this machine has it.
 pub(super) fn shared(what: &str) -> Option<PathBuf> {

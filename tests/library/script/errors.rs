@@ -1,8 +1,8 @@
 //! Errors of every class: their line, the path to the field, and the hint.
 
-use lumbre::experiment::spec::ScriptHooks;
-use lumbre::script::{Problem, ScriptError};
 use lumbre_light::value::Value;
+use lumbre_lua::{Problem, ScriptError};
+use lumbre_night::experiment::spec::ScriptHooks;
 
 use crate::script::{Folder, GOOD, edited};
 

@@ -1,6 +1,6 @@
 //! Errors raised by Lua, errors in modules, and files that are not scripts.
 
-use lumbre::script::Problem;
+use lumbre_lua::Problem;
 
 use super::errors::error_of;
 use crate::script::{Folder, GOOD};
@@ -82,7 +82,7 @@ fn errors_in_modules_have_the_file_and_line_of_the_module() {
 #[test]
 fn files_that_are_not_scripts_are_refused() {
     let folder = Folder::new("x");
-    let at = |name: &str| lumbre::script::load(&folder.path(name)).unwrap_err();
+    let at = |name: &str| lumbre_lua::load(&folder.path(name)).unwrap_err();
     assert!(matches!(
         at("none.lua").problem(),
         Problem::Unreadable { .. }
@@ -114,5 +114,5 @@ fn files_that_are_not_scripts_are_refused() {
         at("latin.lua")
     );
     folder.put("bom.lua", format!("\u{feff}{GOOD}"));
-    assert!(lumbre::script::load(&folder.path("bom.lua")).is_ok());
+    assert!(lumbre_lua::load(&folder.path("bom.lua")).is_ok());
 }

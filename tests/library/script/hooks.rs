@@ -1,12 +1,14 @@
 //! Functions of a script, called as by the plan and the night.
 
-use lumbre::experiment::spec::{BiasCheckRequest, HookError, Point, ReferenceRequest, ScriptHooks};
-use lumbre::experiment::stop::Comparison;
-use lumbre::experiment::{StopRule, WaveRow};
-use lumbre::script::{Script, ScriptError};
 use lumbre_light::scene::compile::Sharing;
 use lumbre_light::transport::camera::FilterKind;
 use lumbre_light::value::Value;
+use lumbre_lua::{Script, ScriptError};
+use lumbre_night::experiment::spec::{
+    BiasCheckRequest, HookError, Point, ReferenceRequest, ScriptHooks,
+};
+use lumbre_night::experiment::stop::Comparison;
+use lumbre_night::experiment::{StopRule, WaveRow};
 use lumbre_render::Settings;
 use lumbre_render::hierarchy::{AccelSpec, Builder};
 

@@ -14,7 +14,7 @@ mod spec;
 
 use std::path::PathBuf;
 
-use lumbre::script::{Limits, Script, ScriptError, load_with};
+use lumbre_lua::{Limits, Script, ScriptError, load_with};
 
 /// A correct script of nine lines; tests change one of them.
 const GOOD: &str = "\

@@ -1,8 +1,8 @@
 //! The script in the README can be planned.
 
-use lumbre::experiment::plan::{Overrides, expand};
-use lumbre::script::scene;
-use lumbre_light::scene::load::MissingTextures;
+use lumbre_lua::scene;
+use lumbre_night::experiment::plan::{Overrides, expand};
+use lumbre_scene_io::load::MissingTextures;
 
 #[test]
 fn the_script_in_the_readme_can_be_planned() {
@@ -16,7 +16,7 @@ fn the_script_in_the_readme_can_be_planned() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("readme.lua");
     std::fs::write(&file, text).unwrap();
-    let script = lumbre::script::load(&file).unwrap();
+    let script = lumbre_lua::load(&file).unwrap();
     let plan = expand(
         &script.spec,
         &script,

@@ -1,6 +1,6 @@
 //! The sandbox: features that a script cannot use, and its limits of time and memory.
 
-use lumbre::script::{Limits, Problem, ScriptError};
+use lumbre_lua::{Limits, Problem, ScriptError};
 
 use crate::script::{Folder, GOOD, LIMITS};
 

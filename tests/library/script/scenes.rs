@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use lumbre::script::scene;
 use lumbre_light::scene::desc::{
     EnvironmentSource, Lookup, ShapeDesc, TextureFilter, TextureSlot, Wrap, content_hash,
 };
-use lumbre_light::scene::load::MissingTextures;
-use lumbre_light::scene::{SceneDesc, compile, edit};
+use lumbre_light::scene::{SceneDesc, compile};
 use lumbre_light::value::Value;
+use lumbre_lua::scene;
+use lumbre_scene_io::edit;
+use lumbre_scene_io::load::MissingTextures;
 
 use crate::script::Folder;
 
@@ -485,7 +486,7 @@ fn errors_in_scenes_have_their_line_and_a_hint() {
 #[test]
 fn a_scene_that_is_run_as_an_experiment_is_reported() {
     let f = folder("");
-    let e = lumbre::script::load(&f.path("scene.lua")).unwrap_err();
+    let e = lumbre_lua::load(&f.path("scene.lua")).unwrap_err();
     assert!(scene::is_scene(&e), "{e}");
     assert!(e.to_string().contains("scene = \"FILE.lua\""), "{e}");
 }

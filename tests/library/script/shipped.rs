@@ -1,8 +1,8 @@
 //! Every script in `scripts/` can be planned, and its header states how to run it.
 
-use lumbre::experiment::plan::{Overrides, expand};
-use lumbre::script::scene;
-use lumbre_light::scene::load::MissingTextures;
+use lumbre_lua::scene;
+use lumbre_night::experiment::plan::{Overrides, expand};
+use lumbre_scene_io::load::MissingTextures;
 
 #[test]
 fn every_shipped_script_is_planned_without_a_warning() {
@@ -20,7 +20,7 @@ fn every_shipped_script_is_planned_without_a_warning() {
             text.starts_with("-- ") && text.contains(&format!("lumbre run scripts/{name}")),
             "{name}"
         );
-        let script = lumbre::script::load(&file).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let script = lumbre_lua::load(&file).unwrap_or_else(|e| panic!("{name}: {e}"));
         let plan = expand(
             &script.spec,
             &script,

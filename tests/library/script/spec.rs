@@ -1,11 +1,11 @@
 //! The experiment that a correct script describes.
 
-use lumbre::experiment::spec::{
+use lumbre_light::value::Value;
+use lumbre_lua::Script;
+use lumbre_metrics::tonemap::Tonemap;
+use lumbre_night::experiment::spec::{
     FigureKind, FigureX, Order, RunColumn, Snapshots, TableFormat, TableValue, Warmup,
 };
-use lumbre::script::Script;
-use lumbre_light::value::Value;
-use lumbre_metrics::tonemap::Tonemap;
 
 use crate::script::{Folder, GOOD, edited};
 
@@ -211,7 +211,7 @@ fn the_script_hash_depends_on_the_script_and_its_modules() {
     assert_ne!(with(GOOD, "return 1"), with(&text, "return 1"));
     let folder = Folder::new(GOOD);
     folder.put("other.lua", GOOD);
-    let renamed = lumbre::script::load(&folder.path("other.lua")).unwrap();
+    let renamed = lumbre_lua::load(&folder.path("other.lua")).unwrap();
     assert_eq!(renamed.spec.script_hash, with(GOOD, "return 1"));
 }
 
@@ -226,7 +226,7 @@ fn an_experiment_needs_only_render_and_stop() {
 #[test]
 fn the_first_script_of_the_readme_loads() {
     let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/first_light.lua");
-    let script = lumbre::script::load(&file).unwrap();
+    let script = lumbre_lua::load(&file).unwrap();
     assert_eq!(script.spec.name, "first_light");
     assert_eq!(
         script

@@ -42,7 +42,7 @@ return x
     let exr = files.iter().find(|file| file.ends_with("final.exr"));
     let exr = exr.unwrap_or_else(|| panic!("{files:?}"));
     let bytes = std::fs::read(place.path(exr)).unwrap();
-    lumbre::output::exr::decode(&bytes).unwrap().0
+    lumbre_report::exr::decode(&bytes).unwrap().0
 }
 
 /// Returns the greatest difference of the mean luminance of blocks, relative to the mean of the

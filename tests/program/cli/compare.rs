@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use lumbre::output::{exr, png};
 use lumbre_light::film::Image;
 use lumbre_metrics::tonemap::Tonemap;
+use lumbre_report::{exr, png};
 use serde_json::Value as Json;
 
 use super::workplace::Workplace;

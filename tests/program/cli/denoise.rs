@@ -1,7 +1,7 @@
 //! Tests of `denoise`: what a night stores and measures, that it reproduces, and what is refused.
 
-use lumbre::output::exr;
 use lumbre_light::film::Image;
+use lumbre_report::exr;
 
 use super::workplace::Workplace;
 

@@ -497,7 +497,7 @@ fn an_interrupted_run_resumes_with_the_same_picture() {
             .find(|file| file.ends_with("final.exr"))
             .unwrap();
         let bytes = std::fs::read(place.path(&file)).unwrap();
-        lumbre::output::exr::decode(&bytes).unwrap().0
+        lumbre_report::exr::decode(&bytes).unwrap().0
     };
     assert_eq!(picture(&whole), picture(&cut));
 }

@@ -57,7 +57,7 @@ return x
         let device: Device = serde_json::from_value(record["devices"][0].clone()).unwrap();
         assert_eq!(device.to_string(), "cpu, 1 threads, noise 1.0");
         let bytes = std::fs::read(place.path(&done.replace("done.json", "final.exr"))).unwrap();
-        let (image, _) = lumbre::output::exr::decode(&bytes).unwrap();
+        let (image, _) = lumbre_report::exr::decode(&bytes).unwrap();
         // 1152 means of 256 uniform numbers each.
         assert!(
             image.mean().iter().all(|mean| (mean - 0.5).abs() < 0.005),
@@ -147,7 +147,7 @@ return x
     );
     std::fs::write(
         place.path("prepared.exr"),
-        lumbre::output::exr::encode_layers(layers.into()).unwrap(),
+        lumbre_report::exr::encode_layers(layers.into()).unwrap(),
     )
     .unwrap();
     succeed(&place, &["run", "peers.lua", "--allow-commands", "-q"]);
@@ -162,7 +162,7 @@ return x
             .into_iter()
             .find(|file| file.ends_with(&name));
         let bytes = std::fs::read(place.path(&file.unwrap())).unwrap();
-        let (image, _) = lumbre::output::exr::decode(&bytes).unwrap();
+        let (image, _) = lumbre_report::exr::decode(&bytes).unwrap();
         assert_eq!(image.at(3, 4), expected, "{layer}");
     }
     for (change, expected) in [

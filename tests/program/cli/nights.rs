@@ -108,7 +108,7 @@ fn a_run_folder_holds_its_configuration_results_and_log() {
     );
 
     let bytes = std::fs::read(place.path(&format!("{folder}/final.exr"))).unwrap();
-    let (image, metadata) = lumbre::output::exr::decode(&bytes).unwrap();
+    let (image, metadata) = lumbre_report::exr::decode(&bytes).unwrap();
     assert_eq!((image.width, image.height), (24, 16));
     let metadata_value = |name: &str| {
         metadata
@@ -344,7 +344,7 @@ return x
 
     let read = |name: &str| {
         let bytes = std::fs::read(place.path(&format!("{folder}/{name}.exr"))).unwrap();
-        lumbre::output::exr::decode(&bytes).unwrap()
+        lumbre_report::exr::decode(&bytes).unwrap()
     };
     let (whole, _) = read("final");
     let ((first, facts), (second, _)) = (read("films/depth-1"), read("films/depth-2"));

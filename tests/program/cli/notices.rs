@@ -120,8 +120,8 @@ fn wrong_options_are_errors_of_the_script() {
 
 #[test]
 fn the_status_has_a_version_and_reads_back() {
-    use lumbre::store::StoredFile;
-    use lumbre::store::schema::status::StatusReport;
+    use lumbre_night::store::StoredFile;
+    use lumbre_night::store::schema::status::StatusReport;
     use lumbre_render::Device;
     let place = Workplace::new();
     run(&place, APPEND);

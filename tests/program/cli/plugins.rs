@@ -4,8 +4,8 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use lumbre::output::exr;
 use lumbre_light::film::Image;
+use lumbre_report::exr;
 
 use super::workplace::{ProgramOutput, Workplace};
 use crate::cluster::night::{home, wait_until};

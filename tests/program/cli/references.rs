@@ -40,7 +40,7 @@ fn a_reference_stores_its_halves_and_net_errors_exclude_its_noise() {
     assert_eq!(json["halves"], serde_json::json!([2048, 2048]));
     let image = |name: &str| {
         let bytes = std::fs::read(place.path(&format!("{folder}/{name}.exr"))).unwrap();
-        lumbre::output::exr::decode(&bytes).unwrap().0
+        lumbre_report::exr::decode(&bytes).unwrap().0
     };
     let (whole, a, b, noise) = (
         image("ref"),

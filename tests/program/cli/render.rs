@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use lumbre::output::exr;
 use lumbre_light::film::Image;
+use lumbre_report::exr;
 
 use super::workplace::{ProgramOutput, Workplace};
 

@@ -3,8 +3,8 @@
 use std::process::Command;
 
 use super::workplace::{Workplace, copy_folder};
-use lumbre::store::StoredFile;
-use lumbre::store::schema::run::DoneFile;
+use lumbre_night::store::StoredFile;
+use lumbre_night::store::schema::run::DoneFile;
 use lumbre_render::Device;
 
 /// Two techniques with two repeats, a reference, two metrics and snapshots, on the mock backend.

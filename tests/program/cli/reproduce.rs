@@ -1,7 +1,7 @@
 //! Tests of `lumbre reproduce`: the three verdicts, and the cases without a verdict.
 
-use lumbre::store::StoredFile;
-use lumbre::store::schema::run::{DoneFile, FileSum};
+use lumbre_night::store::StoredFile;
+use lumbre_night::store::schema::run::{DoneFile, FileSum};
 
 use super::workplace::Workplace;
 

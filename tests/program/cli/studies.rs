@@ -54,7 +54,7 @@ fn a_filter_and_flat_normals_change_pictures_and_not_their_noise() {
             let run = done.trim_end_matches("/done.json");
             std::fs::read(place.path(&format!("{run}/final.exr"))).unwrap()
         })
-        .map(|bytes| lumbre::output::exr::decode(&bytes).unwrap().0)
+        .map(|bytes| lumbre_report::exr::decode(&bytes).unwrap().0)
         .map(|image| {
             image
                 .data

@@ -5,7 +5,7 @@ use std::io::Read;
 use std::net::{TcpListener, TcpStream};
 use std::thread::JoinHandle;
 
-use lumbre::output::exr;
+use lumbre_report::exr;
 
 use super::workplace::Workplace;
 

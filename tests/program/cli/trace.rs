@@ -43,7 +43,7 @@ fn the_traced_samples_of_a_pixel_average_to_the_pixel_of_the_picture() {
         .trim_end_matches("/done.json")
         .to_owned();
     let bytes = std::fs::read(place.path(&format!("{run}/final.exr"))).unwrap();
-    let picture = lumbre::output::exr::decode(&bytes).unwrap().0;
+    let picture = lumbre_report::exr::decode(&bytes).unwrap().0;
     for [x, y] in [[8, 6], [7, 5], [2, 9]] {
         let pixel = format!("{x},{y}");
         let samples = (0..4).map(|n| {

@@ -166,7 +166,7 @@ const SCENE_WITH_FILES: &str = r#"{
 fn every_changed_file_of_a_plan_is_reported_by_name() {
     let place = Workplace::new();
     let write_texture = |shade: u8| {
-        let bytes = lumbre::output::png::encode(
+        let bytes = lumbre_report::png::encode(
             &lumbre_light::film::Image::from_fn(2, 2, |_, _| [f32::from(shade) / 255.0; 3]),
             lumbre_metrics::tonemap::Tonemap::Srgb { exposure: 0.0 },
             &[],

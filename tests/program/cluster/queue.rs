@@ -4,7 +4,7 @@ use std::os::unix::fs::PermissionsExt;
 
 use super::night::{home, script};
 use super::workplace::Workplace;
-use lumbre::store::lock::filesystem_kind;
+use lumbre_night::store::lock::filesystem_kind;
 
 /// Creates programs that simulate a queue: they record their arguments and answer in its format.
 fn with_queue(place: &Workplace) -> String {

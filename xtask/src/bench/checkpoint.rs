@@ -2,19 +2,19 @@
 
 use std::time::Instant;
 
-use lumbre::backends::backend;
-use lumbre::experiment::event::History;
-use lumbre::experiment::plan::{Overrides, expand};
-use lumbre::experiment::run_progress::RunProgress;
-use lumbre::experiment::{CellRef, Plan};
-use lumbre::script;
-use lumbre::store::Store;
 use lumbre_light::film::Image;
 use lumbre_light::math::stats::median;
-use lumbre_light::scene::{compile, load};
+use lumbre_light::scene::compile;
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::sampler::sampler;
+use lumbre_night::backends::backend;
+use lumbre_night::experiment::event::History;
+use lumbre_night::experiment::plan::{Overrides, expand};
+use lumbre_night::experiment::run_progress::RunProgress;
+use lumbre_night::experiment::{CellRef, Plan};
+use lumbre_night::store::Store;
 use lumbre_render::Job;
+use lumbre_scene_io::load;
 
 /// Median seconds for writing a checkpoint of a 1280x720 cell of `bdpt` (which has a splat film),
 /// synced to disk.
@@ -78,7 +78,7 @@ fn planned(scene: &std::path::Path, folder: &std::path::Path) -> Result<Plan, St
         scene.display().to_string()
     );
     std::fs::write(&file, text).map_err(|e| e.to_string())?;
-    let script = script::load(&file).map_err(|e| e.to_string())?;
+    let script = lumbre_lua::load(&file).map_err(|e| e.to_string())?;
     expand(
         &script.spec,
         &script,

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::{Value as Json, json};
 
-use lumbre::store::worker::cluster_simulation::{ClusterSimulation, SimulationResult, simulate};
+use super::cluster_simulation::{ClusterSimulation, SimulationResult, simulate};
 
 /// The simulated night: 10,000 cells of two minutes on 1,000 workers. Every fiftieth cell kills its
 /// worker, every two-hundredth stalls for longer than a lease, and a file operation takes 0.5 ms.

@@ -7,11 +7,11 @@ use serde_json::{Value as Json, json};
 
 use super::{metrics, night};
 use lumbre::cli::bench::backends::PROTOCOL;
-use lumbre::experiment::processor_time;
-use lumbre::experiment::{CellRef, Event, Night, WaveRow};
-use lumbre::tui::model::night::NightModel;
-use lumbre::tui::terminal::offscreen::{DrawStats, draw_for};
+use lumbre_night::experiment::processor_time;
+use lumbre_night::experiment::{CellRef, Event, Night, WaveRow};
 use lumbre_render::{Device, OpenStats};
+use lumbre_tui::tui::model::night::NightModel;
+use lumbre_tui::tui::terminal::offscreen::{DrawStats, draw_for};
 
 /// Duration of a measurement.
 const TIME: Duration = Duration::from_secs(8);

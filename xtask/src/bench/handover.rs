@@ -6,12 +6,12 @@ use std::time::Instant;
 
 use serde_json::{Value as Json, json};
 
-use lumbre::backends::backend;
 use lumbre::cli::bench::subject::Subject;
-use lumbre::experiment::processor_time;
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::compile;
 use lumbre_light::transport::integrator::INTEGRATORS;
+use lumbre_night::backends::backend;
+use lumbre_night::experiment::processor_time;
 use lumbre_render::worker::{Launcher, WorkerPool};
 use lumbre_render::{Job, Renderer};
 

@@ -8,11 +8,12 @@ use std::time::Instant;
 
 use serde_json::{Value as Json, json};
 
-use lumbre::experiment::memory;
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::desc::{SceneDesc, ShapeDesc, Texels};
-use lumbre_light::scene::{CompiledScene, compile, load};
+use lumbre_light::scene::{CompiledScene, compile};
+use lumbre_night::experiment::memory;
 use lumbre_render::cpu::bvh::accel::Accel;
+use lumbre_scene_io::load;
 
 /// Quads along each side of the mesh: 1,000,000 triangles.
 const SIDE: usize = 708;

@@ -9,7 +9,7 @@ use std::time::Duration;
 use serde_json::{Value as Json, json};
 
 use super::night::BALL;
-use lumbre::experiment::memory;
+use lumbre_night::experiment::memory;
 
 /// Number of cells of the night.
 const CELLS: usize = 400;

@@ -7,12 +7,12 @@ use std::time::Instant;
 use serde_json::{Value as Json, json};
 
 use lumbre::cli::bench::backends::{PROTOCOL, protocol_metrics};
-use lumbre::experiment::processor_time;
 use lumbre_light::film::Image;
 use lumbre_light::math::rng::{pcg4d, unit};
 use lumbre_light::math::stats::median;
 use lumbre_metrics::evaluator::Evaluator;
 use lumbre_metrics::{METRICS, MetricSpec};
+use lumbre_night::experiment::processor_time;
 
 /// Width and height of the images in pixels.
 pub(super) const SIZE: [u32; 2] = [1280, 720];

@@ -8,14 +8,15 @@ use std::sync::Arc;
 
 use serde_json::{Value as Json, json};
 
-use lumbre::backends::backend;
 use lumbre::cli::bench::subject::Subject;
 use lumbre::cli::format::aligned;
-use lumbre::experiment::processor_time;
 use lumbre_light::math::stats::median;
-use lumbre_light::scene::{compile, export};
+use lumbre_light::scene::compile;
 use lumbre_light::transport::integrator::INTEGRATORS;
+use lumbre_night::backends::backend;
+use lumbre_night::experiment::processor_time;
 use lumbre_render::{Job, Renderer};
+use lumbre_scene_io::export;
 
 use crate::root;
 

@@ -3,6 +3,7 @@
 
 mod checkpoint;
 mod cluster;
+mod cluster_simulation;
 mod dashboard;
 mod handover;
 mod loading;

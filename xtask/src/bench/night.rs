@@ -4,13 +4,12 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use lumbre::experiment::event::FinishedRun;
-use lumbre::experiment::plan::{Overrides, expand};
-use lumbre::experiment::run::run;
-use lumbre::experiment::{CellRef, Event, History, NightControls, Plan, Sink, SinkError};
-use lumbre::script;
 use lumbre_light::film::Image;
-use lumbre_light::scene::load;
+use lumbre_night::experiment::event::FinishedRun;
+use lumbre_night::experiment::plan::{Overrides, expand};
+use lumbre_night::experiment::run::run;
+use lumbre_night::experiment::{CellRef, Event, History, NightControls, Plan, Sink, SinkError};
+use lumbre_scene_io::load;
 
 /// A history without finished runs.
 struct EmptyHistory;
@@ -48,12 +47,12 @@ impl Sink for Clocks {
 }
 
 /// Loads and plans a script from a temporary folder; returns the seconds this took.
-fn plan_script(text: &str) -> Result<(script::Script, Plan, f64), String> {
+fn plan_script(text: &str) -> Result<(lumbre_lua::Script, Plan, f64), String> {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
     let file = folder.path().join("bench.lua");
     std::fs::write(&file, text).map_err(|e| e.to_string())?;
     let start = Instant::now();
-    let script = script::load(&file).map_err(|e| e.to_string())?;
+    let script = lumbre_lua::load(&file).map_err(|e| e.to_string())?;
     let plan = expand(
         &script.spec,
         &script,

@@ -7,20 +7,20 @@ use std::sync::Arc;
 use glam::Vec3;
 use serde_json::{Value as Json, json};
 
-use lumbre::backends::backend;
 use lumbre::cli::bench::interleave::interleaved;
 use lumbre::cli::bench::subject::Subject;
 use lumbre::cli::format::aligned;
-use lumbre::script::scene;
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::compile::{Sharing, compile_sharing};
 use lumbre_light::scene::desc::{MaterialDesc, SceneDesc, TextureSlot};
-use lumbre_light::scene::load::MissingTextures;
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
 use lumbre_light::value::Value;
+use lumbre_lua::scene;
+use lumbre_night::backends::backend;
 use lumbre_render::cpu::renderer::CpuRenderer;
 use lumbre_render::{Job, Renderer, WaveStats};
+use lumbre_scene_io::load::MissingTextures;
 
 /// Samples per pixel of one round.
 const SAMPLES: u64 = 2;

@@ -9,18 +9,18 @@ use serde_json::{Value as Json, json};
 
 use lumbre::cli::inspect::watch::apply;
 use lumbre::cli::night::load::decode_picture;
-use lumbre::experiment::{Plan, memory};
-use lumbre::store::schema::journal::{
+use lumbre_night::experiment::{Plan, memory};
+use lumbre_night::store::schema::journal::{
     self, JournalEvent, JournalLine, NightStart, OutcomeKind, RunEnd, RunStart, WaveRecord,
 };
-use lumbre::store::schema::one_line;
-use lumbre::store::schema::plan::{PlanFile, PlannedCell};
-use lumbre::store::schema::run::{ConfigFile, DONE, DoneFile, RunResults};
-use lumbre::store::schema::values::{Named, Real};
-use lumbre::store::write::{manifest_checksum, metrics_csv};
-use lumbre::store::{Follower, StoredFile, list_experiments, plan_file, utc};
-use lumbre::tui::model::night::NightModel;
+use lumbre_night::store::schema::one_line;
+use lumbre_night::store::schema::plan::{PlanFile, PlannedCell};
+use lumbre_night::store::schema::run::{ConfigFile, DONE, DoneFile, RunResults};
+use lumbre_night::store::schema::values::{Named, Real};
+use lumbre_night::store::write::{manifest_checksum, metrics_csv};
+use lumbre_night::store::{Follower, StoredFile, list_experiments, plan_file, utc};
 use lumbre_render::Device;
+use lumbre_tui::tui::model::night::NightModel;
 
 /// Reason of the end of every run.
 const REASON: &str = "1 sample per pixel";
@@ -85,7 +85,7 @@ impl ListingCost {
         let start = Instant::now();
         let later = follower.poll();
         let look_s = start.elapsed().as_secs_f64();
-        let is_unread = |run: &Arc<lumbre::experiment::night::run::Run>| run.rows.is_empty();
+        let is_unread = |run: &Arc<lumbre_night::experiment::night::run::Run>| run.rows.is_empty();
         if model.night.runs.iter().any(is_unread) || later.is_some() {
             return Err("the simulated night was not read completely".to_owned());
         }

@@ -10,7 +10,6 @@ use std::sync::Arc;
 
 use serde_json::{Value as Json, json};
 
-use lumbre::backends::backend;
 use lumbre::cli::bench::backends::renders;
 use lumbre::cli::bench::interleave::interleaved;
 use lumbre::cli::bench::subject::Subject;
@@ -20,6 +19,7 @@ use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{DelayKind, MaterialDesc, SceneDesc};
 use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
 use lumbre_light::transport::path_time::Timing;
+use lumbre_night::backends::backend;
 use lumbre_render::hierarchy::{AccelSpec, LaneMode};
 use lumbre_render::{Job, Renderer};
 

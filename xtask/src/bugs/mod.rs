@@ -23,8 +23,13 @@ const VULKAN: &str = "crates/lumbre-vulkan/";
 
 /// Test binaries with starts of paths of the sources that they are built from, quickest first.
 /// `--all` runs them in this order.
-const ALL: [(&str, &[&str]); 9] = [
+const ALL: [(&str, &[&str]); 14] = [
     ("lumbre", &[""]),
+    ("lumbre_night", &[""]),
+    ("lumbre_scene_io", &[""]),
+    ("lumbre_lua", &[""]),
+    ("lumbre_report", &[""]),
+    ("lumbre_tui", &[""]),
     ("lumbre_metrics", &[LIGHT, METRICS]),
     ("lumbre_light", &[LIGHT]),
     ("lumbre_render", &[LIGHT, RENDER]),

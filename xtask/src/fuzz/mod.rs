@@ -28,27 +28,30 @@ const HEAD: &str = "| target | inputs | accepted | processor time, min | most me
 /// Targets, and the starts of paths of the source files that read what they are given.
 const READERS: [(&str, &[&str]); 14] = [
     ("checkpoint", &["crates/lumbre-render/src/cpu/films/"]),
-    ("folder", &["crates/lumbre-light/src/scene/load/folder/"]),
-    ("glb", &["crates/lumbre-light/src/scene/load/gltf/"]),
-    ("gltf", &["crates/lumbre-light/src/scene/load/gltf/"]),
+    ("folder", &["crates/lumbre-scene-io/src/load/folder/"]),
+    ("glb", &["crates/lumbre-scene-io/src/load/gltf/"]),
+    ("gltf", &["crates/lumbre-scene-io/src/load/gltf/"]),
     (
         "image",
         &[
-            "crates/lumbre-light/src/scene/load/images.rs",
-            "crates/lumbre-light/src/scene/load/openexr.rs",
+            "crates/lumbre-scene-io/src/load/images.rs",
+            "crates/lumbre-scene-io/src/load/openexr.rs",
         ],
     ),
-    ("lua", &["src/script/scene/"]),
-    ("mitsuba", &["crates/lumbre-light/src/scene/load/mitsuba/"]),
-    ("mtl", &["crates/lumbre-light/src/scene/load/obj/mtl.rs"]),
-    ("obj", &["crates/lumbre-light/src/scene/load/obj/"]),
-    ("pbrt", &["crates/lumbre-light/src/scene/load/pbrt/"]),
-    ("ply", &["crates/lumbre-light/src/scene/load/ply"]),
-    ("rows", &["src/store/write/metrics_csv.rs"]),
-    ("scn", &["crates/lumbre-light/src/scene/load/scn/"]),
+    ("lua", &["crates/lumbre-lua/src/scene/"]),
+    ("mitsuba", &["crates/lumbre-scene-io/src/load/mitsuba/"]),
+    ("mtl", &["crates/lumbre-scene-io/src/load/obj/mtl.rs"]),
+    ("obj", &["crates/lumbre-scene-io/src/load/obj/"]),
+    ("pbrt", &["crates/lumbre-scene-io/src/load/pbrt/"]),
+    ("ply", &["crates/lumbre-scene-io/src/load/ply"]),
+    (
+        "rows",
+        &["crates/lumbre-night/src/store/write/metrics_csv.rs"],
+    ),
+    ("scn", &["crates/lumbre-scene-io/src/load/scn/"]),
     (
         "serialized",
-        &["crates/lumbre-light/src/scene/load/mitsuba/serialized.rs"],
+        &["crates/lumbre-scene-io/src/load/mitsuba/serialized.rs"],
     ),
 ];
 

@@ -1,10 +1,13 @@
-//! What the repository records of the runs of targets: their tallies and small corpora, so that a run
-//! on another machine continues them.
+//! Tallies of targets and archives of small corpora in the repository, so that a run on another
+//! machine continues them.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+
+use std::process::Command;
 
 use super::{Tally, Target, files, if_present, make_folder};
+use crate::command::{execute, tar};
 
 /// Bytes of inputs of each target that the repository records.
 const RECORDED: u64 = 48 << 10;
@@ -15,12 +18,15 @@ impl Target<'_> {
     /// Takes over what the repository records of the target; the tally only if no run was
     /// interrupted here.
     pub(super) fn recall(&self) -> Result<(), String> {
-        let recorded = self.records.join(self.name);
-        if let Ok(inputs) = files(&recorded) {
-            copy(&inputs, &self.corpus())?;
+        let archive = self.archive();
+        if archive.is_file() {
+            make_folder(&self.corpus())?;
+            let mut unpack = Command::new("tar");
+            execute(unpack.arg("-C").arg(self.corpus()).arg("-xzf").arg(archive))?;
         }
         if !self.tally().exists() {
-            if_present(fs::copy(recorded.with_extension("json"), self.tally()))?;
+            let recorded = self.records.join(format!("{}.json", self.name));
+            if_present(fs::copy(recorded, self.tally()))?;
         }
         Ok(())
     }
@@ -28,8 +34,7 @@ impl Target<'_> {
     /// Records the tally and some of the smallest inputs of the corpus in the repository, without findings,
     /// which are files of this machine.
     pub(super) fn record(&self, tally: &Tally) -> Result<(), String> {
-        let recorded = self.records.join(self.name);
-        if_present(fs::remove_dir_all(&recorded))?;
+        make_folder(self.records)?;
         let mut inputs = files(&self.corpus())?;
         let size = |file: &PathBuf| fs::metadata(file).map_or(0, |m| m.len());
         inputs.sort_by_key(size);
@@ -39,25 +44,25 @@ impl Target<'_> {
             room > 0
         });
         let step = inputs.len().div_ceil(MAX_INPUTS).max(1);
-        let inputs: Vec<PathBuf> = inputs.into_iter().step_by(step).collect();
-        copy(&inputs, &recorded)?;
+        let names = inputs
+            .iter()
+            .step_by(step)
+            .filter_map(|file| file.file_name());
+        let mut pack = tar(&self.archive(), &self.corpus());
+        execute(pack.args(names))?;
         let tally = Tally {
             findings: Vec::new(),
             ..tally.clone()
         };
         let text = serde_json::to_string_pretty(&tally).map_err(|e| e.to_string())?;
-        fs::write(recorded.with_extension("json"), text + "\n").map_err(|e| e.to_string())
+        let file = self.records.join(format!("{}.json", self.name));
+        fs::write(file, text + "\n").map_err(|e| e.to_string())
     }
-}
 
-/// Copies files into a folder.
-fn copy(files: &[PathBuf], folder: &Path) -> Result<(), String> {
-    make_folder(folder)?;
-    for file in files {
-        let to = folder.join(file.file_name().unwrap_or_default());
-        fs::copy(file, &to).map_err(|e| format!("{}: {e}", to.display()))?;
+    /// Returns the archive of its small corpus.
+    fn archive(&self) -> PathBuf {
+        self.records.join(format!("{}.tar.gz", self.name))
     }
-    Ok(())
 }
 
 #[cfg(test)]
@@ -94,7 +99,9 @@ mod tests {
             fs::write(corpus.join(i.to_string()), "v 1 2 3").unwrap();
         }
         target(first).record(&tally).unwrap();
-        let count = files(&records.join("obj")).unwrap().len();
+        let third = records.join("third");
+        target(&third).recall().unwrap();
+        let count = files(&target(&third).corpus()).unwrap().len();
         assert!((MAX_INPUTS / 2..=MAX_INPUTS).contains(&count), "{count}");
     }
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use lumbre::experiment::spec::Order;
+use lumbre_night::experiment::spec::Order;
 
 use super::night::{Room, Site, difference};
 use super::{Random, Verdict};

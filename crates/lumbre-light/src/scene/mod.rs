@@ -1,24 +1,15 @@
-//! Scenes: the description ([`desc`]), file loaders ([`load`]), edits of single values ([`edit`]),
-//! compilation to the flat arrays that a backend renders ([`mod@compile`]), and export for another
-//! renderer ([`export`]).
+//! Scenes: the description ([`desc`]), and its compilation to the flat arrays that a backend renders
+//! ([`mod@compile`]). The crate `lumbre-scene-io` reads and writes files of scenes.
 //!
-//! Paths inside a scene file are relative to the file that contains them. A part of a file that a
-//! loader cannot represent becomes a [`Note`]; a file that it cannot parse is a [`SceneError`].
 //! This module contains no light transport.
 
 pub mod compile;
 pub mod desc;
-pub mod edit;
-pub mod export;
 #[cfg(test)]
 pub mod fixtures;
-pub mod load;
-mod model_differences;
-pub mod names;
 pub mod noise;
-mod note;
+pub mod note;
 pub mod shape;
-pub mod stage;
 
 use std::path::PathBuf;
 

@@ -38,7 +38,7 @@ const MAX_NOTES: usize = 100;
 /// Shortens a list of notes, in which a file may repeat one message for each of its objects: of one
 /// message the first five places are kept and the others counted, and of all notes the first
 /// hundred are kept and the others counted.
-pub(super) fn summed_up(notes: Vec<Note>) -> Vec<Note> {
+pub fn summed_up(notes: Vec<Note>) -> Vec<Note> {
     let mut places: BTreeMap<(PathBuf, String), usize> = BTreeMap::new();
     let mut kept = Vec::new();
     for note in notes {

@@ -111,8 +111,8 @@ fn kept_threads(count: usize) -> Option<Arc<RenderThreads>> {
 mod tests {
     use super::*;
     use lumbre_light::scene::compile::compile;
-    use lumbre_light::scene::load::load;
     use lumbre_light::transport::integrator::INTEGRATORS;
+    use lumbre_scene_io::load::load;
 
     #[test]
     fn kept_hierarchies_share_their_threads() {

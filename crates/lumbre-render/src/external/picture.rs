@@ -9,7 +9,7 @@ use image::codecs::hdr::HdrDecoder;
 use image::{ColorType, ImageDecoder};
 use lumbre_light::film::Image;
 use lumbre_light::film::layer::Layer;
-use lumbre_light::scene::load::openexr;
+use lumbre_scene_io::load::openexr;
 
 /// Format of the pictures of a technique.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -18,7 +18,8 @@ use lumbre_light::film::Film;
 use lumbre_light::film::layer::{LayerFilm, LayerLayout};
 use lumbre_light::film::state::{StateReader, write_u64s};
 use lumbre_light::math::rng::pcg4d;
-use lumbre_light::scene::{SceneDesc, export};
+use lumbre_light::scene::SceneDesc;
+use lumbre_scene_io::export;
 
 /// First word of the state of a checkpoint.
 const STATE: u64 = u64::from_le_bytes(*b"external");

@@ -171,9 +171,10 @@ mod tests {
     use super::*;
     use crate::cpu::prepared_scene::PreparedScene;
     use crate::hierarchy::AccelSpec;
+    use lumbre_light::scene::compile;
     use lumbre_light::scene::desc::Model;
-    use lumbre_light::scene::{compile, load};
     use lumbre_light::transport::surface::Surface;
+    use lumbre_scene_io::load;
 
     /// Returns the lobe at a pixel of a wall of the Cornell box, made of another material.
     fn lobe(model: Model, metallic: f32, roughness: f32) -> Lobe {

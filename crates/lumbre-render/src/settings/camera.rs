@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use super::find::find_file;
 use super::keys::Given;
 use lumbre_light::scene::desc::{CAMERA_KIND_NAMES, TextureSlot, VIEW_HEIGHT_RANGE};
-use lumbre_light::scene::edit::WINDOW;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
+use lumbre_scene_io::edit::WINDOW;
 
 /// Largest coordinate and length, in scene units.
 const MAX_COORDINATE: f64 = 1e9;

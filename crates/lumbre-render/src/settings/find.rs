@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use lumbre_light::scene::load::FORMATS;
 use lumbre_light::value::schema::SchemaError;
 use lumbre_light::value::suggest;
+use lumbre_scene_io::load::FORMATS;
 
 /// Key of render tables that names a scene.
 const SCENE: &str = "scene";

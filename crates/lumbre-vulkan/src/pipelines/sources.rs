@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
-use lumbre_light::scene::load::files;
 use lumbre_render::shaders::{ShaderFolder, Shaders};
+use lumbre_scene_io::load::files;
 
 use super::committed;
 use super::glsl::Compiler;

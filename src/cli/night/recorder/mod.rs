@@ -14,17 +14,19 @@ use tracing::Level as LogLevel;
 
 use super::disk_full_retry::{retry_while_disk_full, sleep_before_retry};
 use super::log::Log;
-use crate::experiment::noise_floor::{NoiseFloors, net_columns};
-use crate::experiment::outcome::Level;
-use crate::experiment::spec::Snapshots;
-use crate::experiment::{CellRef, Event, NightControls, Outcome, Plan, Sink, SinkError, WaveRow};
-use crate::output::{exr, png};
-use crate::store::schema::journal::JournalEvent;
-use crate::store::{Host, RunWriter, Store, StoreError};
 use lumbre_light::film::layer::LayerImage;
 use lumbre_light::film::time::TimeCube;
 use lumbre_light::film::{Film, Image};
+use lumbre_night::experiment::noise_floor::{NoiseFloors, net_columns};
+use lumbre_night::experiment::outcome::Level;
+use lumbre_night::experiment::spec::Snapshots;
+use lumbre_night::experiment::{
+    CellRef, Event, NightControls, Outcome, Plan, Sink, SinkError, WaveRow,
+};
+use lumbre_night::store::schema::journal::JournalEvent;
+use lumbre_night::store::{Host, RunWriter, Store, StoreError};
 use lumbre_render::OpenStats;
+use lumbre_report::{exr, png};
 use records::{RunFacts, with_net_values};
 
 /// Sink that writes the files of all runs during a night. `done.json` of a run is written last.

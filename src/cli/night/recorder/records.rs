@@ -4,16 +4,16 @@ use std::collections::BTreeMap;
 use std::time::SystemTime;
 
 use super::{OpenRun, Recorder};
-use crate::experiment::noise_floor::{NoiseFloors, net_columns, net_values};
-use crate::experiment::plan::ReferenceSource;
-use crate::experiment::{CellRef, Plan, WaveRow};
-use crate::store::schema::journal::named;
-use crate::store::schema::run::{DoneFile, RunResults};
-use crate::store::schema::values::Real;
-use crate::store::schema::{Program, Version};
-use crate::store::utc;
-use crate::text::program;
 use lumbre_light::scene::desc::content_hash;
+use lumbre_night::experiment::noise_floor::{NoiseFloors, net_columns, net_values};
+use lumbre_night::experiment::plan::ReferenceSource;
+use lumbre_night::experiment::{CellRef, Plan, WaveRow};
+use lumbre_night::store::schema::journal::named;
+use lumbre_night::store::schema::run::{DoneFile, RunResults};
+use lumbre_night::store::schema::values::Real;
+use lumbre_night::store::schema::{Program, Version};
+use lumbre_night::store::utc;
+use lumbre_night::text::program;
 use lumbre_render::OpenStats;
 use lumbre_render::denoise::Denoise;
 

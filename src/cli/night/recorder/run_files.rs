@@ -5,17 +5,17 @@ use std::sync::Arc;
 use super::records::DENOISE;
 use super::{ExtraFilms, OpenRun, Recorder, sink_error};
 use crate::cli::night::disk_full_retry::{retry_while_disk_full, sleep_before_retry};
-use crate::experiment::bias_check::{BiasCheckResult, MAP_TOP};
-use crate::experiment::night::reference::BiasCheckSummary;
-use crate::experiment::plan::ReferenceSource;
-use crate::experiment::{CellRef, SinkError};
-use crate::output::{exr, layer, plot, png, time};
-use crate::store::schema::run::BiasCheckFile;
-use crate::store::{BIAS_CHECK_PREFIX, FILMS, HALVES, NOISE, RAW, RunWriter, StoredFile};
-use crate::text::program;
 use lumbre_light::film::Film;
 use lumbre_light::film::layer::LayerImage;
 use lumbre_light::film::time::TimeCube;
+use lumbre_night::experiment::bias_check::{BiasCheckResult, MAP_TOP};
+use lumbre_night::experiment::night::reference::BiasCheckSummary;
+use lumbre_night::experiment::plan::ReferenceSource;
+use lumbre_night::experiment::{CellRef, SinkError};
+use lumbre_night::store::schema::run::BiasCheckFile;
+use lumbre_night::store::{BIAS_CHECK_PREFIX, FILMS, HALVES, NOISE, RAW, RunWriter, StoredFile};
+use lumbre_night::text::program;
+use lumbre_report::{exr, layer, plot, png, time};
 
 impl Recorder<'_> {
     /// Writes the final picture of a run, the mean of its film if that was denoised, its layers and

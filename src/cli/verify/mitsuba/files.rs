@@ -8,7 +8,7 @@ use flate2::write::ZlibEncoder;
 use lumbre_light::film::Image;
 use lumbre_light::math::rng::{pcg4d, unit};
 
-use crate::output::exr;
+use lumbre_report::exr;
 
 /// Side of the images in texels.
 const SIDE: u32 = 8;

@@ -20,9 +20,10 @@ use super::picture::{NoisyPicture, Setting, judge, render};
 use super::technique::Technique;
 use super::{Check, Outcome, Verdict, VerifyRequest};
 use lumbre_light::scene::compile;
-use lumbre_light::scene::{Note, SceneDesc, edit, export, load};
+use lumbre_light::scene::{Note, SceneDesc};
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::value::Value;
+use lumbre_scene_io::{edit, export, load};
 
 /// Identifies the seeds of these checks.
 const SEED_FAMILY: u64 = 5;

@@ -9,7 +9,7 @@ use serde_json::json;
 
 use crate::cli::verify::picture::NoisyPicture;
 use lumbre_light::film::Image;
-use lumbre_light::scene::load::openexr;
+use lumbre_scene_io::load::openexr;
 
 /// Script that the interpreter runs.
 const SCRIPT: &str = include_str!("fidelity.py");

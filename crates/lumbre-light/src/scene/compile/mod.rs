@@ -23,7 +23,7 @@ pub use flatten::{MAX_PRIMITIVES, compile, compile_camera, compile_sharing};
 pub use instance::{Instance, Instances, MAX_FLATTENED_PRIMITIVES, SharedMesh};
 pub use lights::{Cone, DirectionalLight, Environment, PointLight};
 pub use memory::SceneMemory;
-pub(in crate::scene) use texels::srgb_to_linear;
+pub use texels::srgb_to_linear;
 pub use texels::{Curve, LinearTexels};
 pub use texture::{Footprint, Texture, Uv, UvMap};
 

@@ -176,7 +176,7 @@ fn linear([r, g, b, _]: [u8; 4], table: &[f32; 256]) -> [f32; 3] {
 }
 
 /// Decodes sRGB [IEC 61966-2-1], from 0..=1 to 0..=1.
-pub(in crate::scene) fn srgb_to_linear(x: f32) -> f32 {
+pub fn srgb_to_linear(x: f32) -> f32 {
     if x <= 0.04045 {
         x / 12.92
     } else {

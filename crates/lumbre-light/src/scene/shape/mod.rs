@@ -158,7 +158,7 @@ impl Shape {
 
     /// Appends another shape without a limit on the number of vertices: for files, whose size
     /// bounds it.
-    pub(in crate::scene) fn merge(&mut self, mut other: Shape) {
+    pub fn merge(&mut self, mut other: Shape) {
         if self.positions.is_empty() {
             *self = other;
             return;

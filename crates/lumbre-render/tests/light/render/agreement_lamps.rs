@@ -8,7 +8,8 @@ use std::sync::Arc;
 use glam::Vec3;
 use lumbre_light::film::Film;
 use lumbre_light::film::ztest::{self, Estimate};
-use lumbre_light::scene::{compile, load};
+use lumbre_light::scene::compile;
+use lumbre_scene_io::load;
 
 use crate::common::{job, render, shared};
 use crate::render::agreement::{Technique, technique};

@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use lumbre_light::scene::load::load;
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::integrator;
 use lumbre_render::cpu::ROW;
@@ -11,6 +10,7 @@ use lumbre_render::cpu::kept_scenes::{SceneKeeper, scene_bytes};
 use lumbre_render::cpu::renderer::CpuRenderer;
 use lumbre_render::hierarchy::{AccelSpec, Builder, LaneMode};
 use lumbre_render::{Job, Renderer, View};
+use lumbre_scene_io::load::load;
 
 fn scene() -> Arc<CompiledScene> {
     let file = concat!(

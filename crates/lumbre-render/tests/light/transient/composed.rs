@@ -8,7 +8,7 @@ use glam::Vec3;
 use lumbre_light::film::ztest::{Estimate, compare};
 use lumbre_light::scene::compile::NONE;
 use lumbre_light::scene::desc::SceneDesc;
-use lumbre_light::scene::{CompiledScene, compile, edit, load};
+use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::Camera;
 use lumbre_light::transport::integrator::oracle::check;
@@ -17,6 +17,7 @@ use lumbre_light::transport::light::Lights;
 use lumbre_light::transport::ray::{Hit, Ray, Trace};
 use lumbre_light::value::Value;
 use lumbre_render::{Job, Renderer};
+use lumbre_scene_io::{edit, load};
 
 use crate::common::job;
 use crate::common::{render_waves, timed_job, timing};

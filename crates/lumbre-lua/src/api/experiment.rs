@@ -1,0 +1,338 @@
+//! `experiment(..)`, and the methods `x:skip`, `x:render` and `x:stop`.
+
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+use mlua::{Lua, Value as LuaValue};
+
+use super::builder::{Builder, Head, Reference, Stop};
+use super::stop_rule::{cell_rules, reference_rules, rule_from_value};
+use super::{
+    ApiFn, Args, Param, axis, measure, night, notify, presentation, reference, report,
+    report_checks,
+};
+use crate::error::ScriptError;
+use crate::source::SourcePlace;
+use crate::state::{Purpose, Shared};
+use crate::strict;
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_night::experiment::spec::Order;
+
+/// Largest number of skip rules of one experiment.
+const MAX_SKIPS: usize = 1000;
+
+/// Options of `experiment`.
+pub const EXPERIMENT: Table = Table {
+    name: "ExperimentOptions",
+    doc: "Options of `experiment`.",
+    fields: &[
+        Field {
+            key: "seed",
+            ty: Ty::Int {
+                min: 0,
+                max: i64::MAX,
+            },
+            required: false,
+            default: "0",
+            doc: "seed from which the random numbers of every run are derived",
+        },
+        Field {
+            key: "repeats",
+            ty: Ty::Int {
+                min: 1,
+                max: 10_000,
+            },
+            required: false,
+            default: "1",
+            doc: "number of runs of every cell, each with other random numbers",
+        },
+        Field {
+            key: "order",
+            ty: Ty::Word(&Order::NAMES),
+            required: false,
+            default: "interleave",
+            doc: "order of cells: `interleave` is that of the axes with the techniques of one picture \
+                  alternating every half second, so that a slowdown of the machine affects all of \
+                  them; `sequential` is that of the axes, `shuffled` random by the seed",
+        },
+        Field {
+            key: "warmup",
+            ty: Ty::Table(&night::WARMUP),
+            required: false,
+            default: "none",
+            doc: "rendering before the clock of a cell starts, with other random numbers; its \
+                  result is discarded",
+        },
+    ],
+};
+
+/// Constructor of experiments.
+pub const GLOBALS: &[ApiFn] = &[ApiFn {
+    name: "experiment",
+    params: &[
+        Param {
+            name: "name",
+            ty: "string",
+            doc: "Name of the experiment and of its results folder: at most 64 letters, digits, \
+                  `_` and `-`.",
+        },
+        Param {
+            name: "options?",
+            ty: "ExperimentOptions",
+            doc: "Seed, repeats, order and warm-up.",
+        },
+    ],
+    returns: "Experiment",
+    doc: "Creates an experiment. A script creates exactly one, calls its methods, and returns it.",
+    call: experiment,
+}];
+
+/// Methods of an experiment, in the order of the annotations.
+pub const METHODS: &[&[ApiFn]] = &[
+    axis::METHODS,
+    OWN_METHODS,
+    reference::METHODS,
+    RULE_METHODS,
+    night::METHODS,
+    notify::METHODS,
+    measure::METHODS,
+    report::METHODS,
+    presentation::METHODS,
+];
+
+/// Methods that declare what to render.
+const OWN_METHODS: &[ApiFn] = &[
+    ApiFn {
+        name: "x:skip",
+        params: &[
+            Param {
+                name: "reason",
+                ty: "string",
+                doc: "Reason, which the plan prints: 1 to 300 characters.",
+            },
+            Param {
+                name: "rule",
+                ty: "fun(p: Point): boolean?",
+                doc: "Function that returns true for points to skip.",
+            },
+        ],
+        returns: "",
+        doc: "Skips points of the sweep.",
+        call: skip,
+    },
+    ApiFn {
+        name: "x:render",
+        params: &[Param {
+            name: "f",
+            ty: "fun(p: Point): Render",
+            doc: "Function that returns the render table of a point.",
+        }],
+        returns: "",
+        doc: "Sets what is rendered at each point of the sweep.",
+        call: render,
+    },
+];
+
+/// Method that declares the stop rule of cells.
+const RULE_METHODS: &[ApiFn] = &[ApiFn {
+    name: "x:stop",
+    params: &[Param {
+        name: "rule",
+        ty: "StopRule|fun(p: Point): StopRule",
+        doc: "One rule for all cells, or a function that returns the rule of each cell.",
+    }],
+    returns: "",
+    doc: "Sets when a cell is finished.",
+    call: stop,
+}];
+
+fn experiment(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 2)?;
+    let name = args.text(shared, 0, "name")?;
+    let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
+    if name.is_empty() || name.len() > 64 || !name.chars().all(legal) {
+        let help = "use at most 64 letters, digits, `_` and `-`: it becomes the name of a \
+                    folder"
+            .to_owned();
+        return Err(args.error(
+            shared,
+            format!("`{name}` cannot name an experiment"),
+            Some(help),
+        ));
+    }
+    if let Some(Head {
+        place: SourcePlace { line, .. },
+        ..
+    }) = &shared.builder.borrow().head
+    {
+        return Err(args.error(
+            shared,
+            format!("a script describes one experiment; the first is in line {line}"),
+            None,
+        ));
+    }
+    if let Purpose::Scene { .. } = shared.purpose {
+        let help =
+            Some("`lumbre run` runs an experiment; its scenes are files of their own".to_owned());
+        return Err(args.error(shared, "a scene file cannot create an experiment", help));
+    }
+    if !shared.loading.get() {
+        return Err(args.error(
+            shared,
+            "call experiment(..) only while the script is loaded",
+            None,
+        ));
+    }
+    let fields = match args.get(1) {
+        LuaValue::Nil => strict::Fields::default(),
+        LuaValue::Table(t) => strict::fields(&t, &EXPERIMENT, "experiment", false)
+            .map_err(|e| args.locate_error(shared, e))?,
+        _ => return Err(args.wrong(shared, 1, "options", "a table such as { seed = 1 }")),
+    };
+    declare(shared, lua, args, name, &fields)
+}
+
+/// Stores name and checked options of the experiment and returns its Lua object.
+fn declare(
+    shared: &Rc<Shared>,
+    lua: &Lua,
+    args: &Args,
+    name: String,
+    fields: &strict::Fields,
+) -> Result<LuaValue, ScriptError> {
+    let integer = |key: &str| fields.values.get(key).and_then(Value::as_i64);
+    let object = super::method_object(lua, shared, METHODS.iter().copied().flatten(), "x")
+        .map_err(|e| shared.convert(&e))?;
+    // An empty table was converted to a list, which has no map.
+    let none = BTreeMap::new();
+    let warmup = fields
+        .values
+        .get("warmup")
+        .map(|value| night::warmup(value.as_map().unwrap_or(&none)));
+    let warmup = warmup
+        .transpose()
+        .map_err(|e| args.locate_error(shared, e))?;
+    let order = fields
+        .values
+        .get("order")
+        .and_then(Value::as_str)
+        .and_then(Order::from_name);
+    let mut builder = shared.builder.borrow_mut();
+    (builder.night.order, builder.night.warmup) = (order.unwrap_or(Order::Interleave), warmup);
+    builder.head = Some(Head {
+        name,
+        seed: integer("seed").map_or(0, i64::unsigned_abs),
+        repeats: integer("repeats")
+            .and_then(|n| u32::try_from(n).ok())
+            .unwrap_or(1),
+        object: object.clone(),
+        place: args.place.clone(),
+    });
+    Ok(LuaValue::Table(object))
+}
+
+/// Rejects a second call of a method that may be called once.
+pub(super) fn only_once(
+    shared: &Shared,
+    args: &Args,
+    before: Option<&SourcePlace>,
+) -> Result<(), ScriptError> {
+    match before {
+        Some(place) => Err(args.error(
+            shared,
+            format!("called twice: the first call is in line {}", place.line),
+            None,
+        )),
+        None => Ok(()),
+    }
+}
+
+fn skip(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 2)?;
+    let reason = args.text(shared, 0, "reason")?;
+    let rule = args.function(shared, 1, "rule")?;
+    if reason.trim().is_empty() || reason.len() > 300 {
+        return Err(args.error(
+            shared,
+            "the reason must have 1 to 300 characters, since the plan prints it",
+            None,
+        ));
+    }
+    let mut builder = shared.builder.borrow_mut();
+    if builder.skips.len() >= MAX_SKIPS {
+        return Err(args.error(shared, format!("more than {MAX_SKIPS} skip rules"), None));
+    }
+    builder.skips.push((reason, rule));
+    Ok(LuaValue::Nil)
+}
+
+fn render(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 1)?;
+    let function = args.function(shared, 0, "f")?;
+    let mut builder = shared.builder.borrow_mut();
+    only_once(
+        shared,
+        args,
+        builder.render.as_ref().map(|(_, place)| place),
+    )?;
+    builder.render = Some((function, args.place.clone()));
+    Ok(LuaValue::Nil)
+}
+
+fn stop(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 1)?;
+    let stop = match (args.get(0), rule_from_value(&args.get(0))) {
+        (_, Some(rule)) => Stop::Rule(rule),
+        (LuaValue::Function(f), None) => Stop::Function(f),
+        _ => {
+            return Err(args.wrong(
+                shared,
+                0,
+                "rule",
+                "a stop rule such as stop.samples(256), or a function",
+            ));
+        }
+    };
+    let mut builder = shared.builder.borrow_mut();
+    only_once(shared, args, builder.stop.as_ref().map(|(_, place)| place))?;
+    builder.stop = Some((stop, args.place.clone()));
+    Ok(LuaValue::Nil)
+}
+
+/// Checks the declarations after the script has ended.
+///
+/// # Errors
+/// Returns an error for a missing declaration or an undeclared name.
+pub fn check(builder: &Builder, head: &Head, shared: &Shared) -> Result<(), ScriptError> {
+    let missing = |what: &str, help: &str| {
+        Err(shared.sources.borrow().field(
+            &head.place,
+            "experiment",
+            format!("`{}` does not define {what}", head.name),
+            Some(help.to_owned()),
+        ))
+    };
+    let Some(_) = &builder.render else {
+        return missing(
+            "what to render",
+            "add x:render(function(p) return { scene = .., integrator = .. } end)",
+        );
+    };
+    let Some((stop, _)) = &builder.stop else {
+        return missing(
+            "when a cell is finished",
+            "add x:stop(stop.samples(256)) or another stop rule",
+        );
+    };
+    let columns = builder.columns();
+    if let Stop::Rule(rule) = stop {
+        rule.check(shared, &cell_rules(builder, &columns))?;
+    }
+    if let Some(Reference::Render(reference)) = &builder.reference
+        && let Stop::Rule(rule) = &reference.stop
+    {
+        rule.check(shared, &reference_rules(&columns))?;
+    }
+    report_checks::check(builder, shared)
+}

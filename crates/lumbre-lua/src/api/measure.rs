@@ -1,0 +1,347 @@
+//! `x:measure`, and the constructors `metric.NAME` and `tonemap.NAME`, one for each row of their
+//! tables.
+
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+use mlua::{Lua, MultiValue, UserData, UserDataFields, Value as LuaValue};
+
+use super::axis::is_name;
+use super::{ApiFn, Args, Param};
+use crate::error::ScriptError;
+use crate::kind::{KIND, kind};
+use crate::source::SourcePlace;
+use crate::state::Shared;
+use crate::strict;
+use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, duration_s, unknown_name};
+use lumbre_light::value::{Value, suggest};
+use lumbre_metrics::tonemap::{TONEMAPS, Tonemap};
+use lumbre_metrics::{METRICS, MetricSpec};
+use lumbre_night::experiment::spec::{MeasureSpec, Snapshots};
+
+/// Largest number of metric columns of one experiment.
+const MAX_COLUMNS: usize = 64;
+
+/// Shortest time between two measurements in seconds. Shorter ones would take longer to measure
+/// than to render.
+const MIN_EVERY_S: f64 = 0.01;
+
+/// Names of the other columns in the same files.
+const RESERVED: &[&str] = &[
+    "wave",
+    "samples",
+    "render_s",
+    "wall_s",
+    "measure_s",
+    "paths",
+    "rays",
+    "invalid",
+    "mpaths_s",
+    "cell",
+    "rep",
+    "outcome",
+    "stop",
+];
+
+/// Option `keep` of `x:measure`.
+pub const KEEP: Table = Table {
+    name: "Keep",
+    doc: "Pictures that are stored for every run.",
+    fields: &[
+        Field {
+            key: "exr",
+            ty: Ty::Word(&["last", "pow2"]),
+            required: false,
+            default: "last",
+            doc: "OpenEXR pictures: `last` stores the final picture, `pow2` also one at every \
+                  power of two of samples per pixel",
+        },
+        Field {
+            key: "png",
+            ty: Ty::Word(&["last", "every"]),
+            required: false,
+            default: "last",
+            doc: "PNG pictures, tone-mapped by `display`: `last` stores the final picture, `every` \
+                  also one at every measurement",
+        },
+    ],
+};
+
+/// Argument of `x:measure`; every other key is a metric column.
+pub const MEASURE: Table = Table {
+    name: "Measure",
+    doc: "Measurements of a cell while it renders. Every other key names a column and holds a \
+          metric: rmse = metric.rmse().",
+    fields: &[
+        Field {
+            key: "every",
+            ty: Ty::Duration,
+            required: false,
+            default: "\"0.5s\"",
+            doc: "longest render time between two measurements, at least 0.01 s",
+        },
+        Field {
+            key: "keep",
+            ty: Ty::Table(&KEEP),
+            required: false,
+            default: "",
+            doc: "pictures that are stored for every run",
+        },
+        Field {
+            key: "display",
+            ty: Ty::Any("Tonemap"),
+            required: false,
+            default: "tonemap.srgb()",
+            doc: "tone map of PNG files and of the live picture",
+        },
+    ],
+};
+
+/// Method that declares the measurements.
+pub const METHODS: &[ApiFn] = &[ApiFn {
+    name: "x:measure",
+    params: &[Param {
+        name: "options",
+        ty: "Measure",
+        doc: "Metric columns, interval and stored pictures.",
+    }],
+    returns: "",
+    doc: "Declares the metrics that compare a cell with its reference while it renders, and the \
+          pictures that are stored.",
+    call: measure,
+}];
+
+/// Lua object of a metric that is not yet assigned to a column.
+#[derive(Clone, Debug)]
+pub struct MetricObject(MetricSpec);
+
+impl UserData for MetricObject {
+    fn add_fields<F: UserDataFields<Self>>(fields: &mut F) {
+        fields.add_meta_field(KIND, "a metric");
+    }
+}
+
+/// Adds the functions `metric.NAME` and `tonemap.NAME` to the globals, one for each row of their
+/// tables.
+///
+/// # Errors
+/// Returns an error if the memory limit is exceeded.
+pub fn register(lua: &Lua, shared: &Rc<Shared>) -> mlua::Result<()> {
+    let metrics = lua.create_table()?;
+    for row in METRICS {
+        let shared = Rc::clone(shared);
+        metrics.raw_set(
+            row.name,
+            lua.create_function(move |lua, values: MultiValue| {
+                let path = format!("metric.{}", row.name);
+                let made = options(values, &path).and_then(|o| MetricSpec::new(&path, row.name, o));
+                match made {
+                    Ok(spec) => lua.create_userdata(MetricObject(spec)),
+                    Err(e) => Err(locate_error_here(&shared, lua, e)),
+                }
+            })?,
+        )?;
+    }
+    lua.globals().raw_set("metric", metrics)?;
+    let tonemaps = lua.create_table()?;
+    for (name, _) in TONEMAPS {
+        let shared = Rc::clone(shared);
+        tonemaps.raw_set(
+            *name,
+            lua.create_function(move |lua, values: MultiValue| {
+                let path = format!("tonemap.{name}");
+                let made = options(values, &path).and_then(|mut map| {
+                    if map.insert("kind".to_owned(), Value::from(*name)).is_some() {
+                        let known = TONEMAPS
+                            .iter()
+                            .filter(|(n, _)| n == name)
+                            .flat_map(|(_, t)| t.fields);
+                        return Err(unknown_name(
+                            &format!("{path}.kind"),
+                            "kind",
+                            "key",
+                            known.map(|f| f.key),
+                        ));
+                    }
+                    Tonemap::from_value(&path, &Value::Map(map.clone())).map(|_| map)
+                });
+                match made {
+                    Ok(map) => data_table(lua, &map),
+                    Err(e) => Err(locate_error_here(&shared, lua, e)),
+                }
+            })?,
+        )?;
+    }
+    lua.globals().raw_set("tonemap", tonemaps)
+}
+
+/// Converts a schema error to a Lua error at the current call.
+fn locate_error_here(shared: &Shared, lua: &Lua, error: SchemaError) -> mlua::Error {
+    let place = shared.call_site(lua);
+    mlua::Error::external(shared.sources.borrow().locate_error(&place, error))
+}
+
+/// Returns the options of a constructor, which takes no argument or one table.
+fn options(values: MultiValue, path: &str) -> Result<BTreeMap<String, Value>, SchemaError> {
+    let fail = |problem: String| {
+        Err(SchemaError {
+            path: path.to_owned(),
+            problem,
+            help: None,
+            key: String::new(),
+        })
+    };
+    if values.len() > 1 {
+        return fail(format!(
+            "expected one table of options, found {} arguments",
+            values.len()
+        ));
+    }
+    match values.into_iter().next() {
+        None | Some(LuaValue::Nil) => Ok(BTreeMap::new()),
+        Some(LuaValue::Table(table)) => {
+            let mut map = BTreeMap::new();
+            for (key, value) in strict::entries(&table, path)? {
+                let value = strict::read(&value, &format!("{path}.{key}"), &key)?;
+                map.insert(key, value);
+            }
+            Ok(map)
+        }
+        Some(other) => fail(format!(
+            "expected a table of options, found {}",
+            kind(&other)
+        )),
+    }
+}
+
+/// Converts a flat map of numbers and text to a Lua table.
+fn data_table(lua: &Lua, map: &BTreeMap<String, Value>) -> mlua::Result<mlua::Table> {
+    let table = lua.create_table()?;
+    for (key, value) in map {
+        match value {
+            Value::Int(i) => table.raw_set(key.as_str(), *i)?,
+            Value::Num(x) => table.raw_set(key.as_str(), *x)?,
+            other => table.raw_set(key.as_str(), other.to_string())?,
+        }
+    }
+    Ok(table)
+}
+
+/// Returns the measurements of a script without `x:measure`: only the final picture is stored.
+pub fn default_measure() -> MeasureSpec {
+    MeasureSpec {
+        every_s: 0.5,
+        metrics: Vec::new(),
+        snapshots: Snapshots::Last,
+        captures: false,
+        display: Tonemap::Srgb { exposure: 0.0 },
+    }
+}
+
+fn measure(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 1)?;
+    let table = args.table(shared, 0, "options")?;
+    let spec = read_measure(&table).map_err(|e| args.locate_error(shared, e))?;
+    let mut builder = shared.builder.borrow_mut();
+    if let Some((_, SourcePlace { line, .. })) = &builder.measure {
+        return Err(args.error(
+            shared,
+            format!("called twice: the first call is in line {line}"),
+            None,
+        ));
+    }
+    builder.measure = Some((spec, args.place.clone()));
+    Ok(LuaValue::Nil)
+}
+
+/// Converts the argument of `x:measure`.
+fn read_measure(table: &mlua::Table) -> Result<MeasureSpec, SchemaError> {
+    let fields = strict::fields(table, &MEASURE, "measure", true)?;
+    let mut measure = default_measure();
+    if let Some(every) = fields.values.get("every").and_then(duration_s) {
+        if every < MIN_EVERY_S {
+            let problem = format!("{every} s is too short: expected at least {MIN_EVERY_S} s");
+            return Err(SchemaError {
+                path: "measure.every".to_owned(),
+                problem,
+                help: None,
+                key: "every".to_owned(),
+            });
+        }
+        measure.every_s = every;
+    }
+    let keep = |kind: &str| fields.values.get("keep")?.as_map()?.get(kind)?.as_str();
+    if keep("exr") == Some("pow2") {
+        measure.snapshots = Snapshots::Pow2;
+    }
+    measure.captures = keep("png") == Some("every");
+    if let Some(display) = fields.values.get("display") {
+        measure.display = Tonemap::from_value("measure.display", display)?;
+    }
+    for (column, value) in &fields.extra {
+        measure.metrics.push(metric_column(column, value)?);
+    }
+    if measure.metrics.len() > MAX_COLUMNS {
+        let problem = format!("more than {MAX_COLUMNS} metric columns");
+        return Err(SchemaError {
+            path: "measure".to_owned(),
+            problem,
+            help: None,
+            key: String::new(),
+        });
+    }
+    Ok(measure)
+}
+
+/// Returns the error for a name that is no metric column, or none of `known`. A metric that is not
+/// measured can be added.
+pub fn unknown_column(path: &str, name: &str, known: &[&str]) -> SchemaError {
+    let mut error = unknown_name(path, name, "metric column", known.iter().copied());
+    if METRICS.iter().any(|row| row.name == name) {
+        error.help = Some(format!("add {name} = metric.{name}() to x:measure"));
+    } else if known.is_empty() {
+        error.help = Some("x:measure declares no metric".to_owned());
+    }
+    error
+}
+
+/// Converts an entry of `x:measure` to a metric column.
+fn metric_column(column: &str, value: &LuaValue) -> Result<MetricSpec, SchemaError> {
+    let path = format!("measure.{column}");
+    let fail = |problem: String, help: Option<String>| {
+        Err(SchemaError {
+            path: path.clone(),
+            problem,
+            help,
+            key: column.to_owned(),
+        })
+    };
+    let object = match value {
+        LuaValue::UserData(data) => data.borrow::<MetricObject>().ok().map(|m| m.0.clone()),
+        _ => None,
+    };
+    let Some(mut spec) = object else {
+        // A misspelt option is not a metric; a metric without parentheses is a function.
+        let options = MEASURE.fields.iter().map(|f| f.key);
+        let help = match (value, suggest::nearest(column, options)) {
+            (LuaValue::Function(_), _) => Some("add parentheses: metric.rmse()".to_owned()),
+            (_, Some(near)) => Some(format!("did you mean `{near}`?")),
+            _ => Some("a column holds a metric, such as metric.rmse()".to_owned()),
+        };
+        return fail(format!("expected a metric, found {}", kind(value)), help);
+    };
+    if !is_name(column) {
+        return fail(
+            "cannot name a column".to_owned(),
+            Some("use at most 40 letters, digits and `_`, not starting with a digit".to_owned()),
+        );
+    }
+    if RESERVED.contains(&column) {
+        return fail(
+            format!("`{column}` is always recorded: choose another name for the metric"),
+            None,
+        );
+    }
+    spec.column = column.to_owned();
+    Ok(spec)
+}

@@ -1,0 +1,130 @@
+//! `x:report`: how figures, tables and reports present the results.
+
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+use mlua::{Lua, Value as LuaValue};
+
+use super::experiment::only_once;
+use super::{ApiFn, Args, Param};
+use crate::error::ScriptError;
+use crate::state::Shared;
+use crate::strict;
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
+use lumbre_metrics::tonemap::Tonemap;
+use lumbre_night::experiment::spec::Presentation;
+
+/// Longest name in characters.
+const LONGEST_NAME: usize = 60;
+
+/// Options of `x:report`.
+pub const PRESENTATION: Table = Table {
+    name: "Presentation",
+    doc: "Presentation of the results. It changes neither a result nor an id.",
+    fields: &[
+        Field {
+            key: "names",
+            ty: Ty::Any("table<string, string>"),
+            required: false,
+            default: "",
+            doc: "names of techniques and of other axis values in figures and tables: names = { \
+                  bdpt = \"bidirectional\" }",
+        },
+        Field {
+            key: "colours",
+            ty: Ty::Any("table<string, string>"),
+            required: false,
+            default: "",
+            doc: "colours of techniques and of other axis values, as `#rrggbb`: colours = { bdpt = \
+                  \"#117733\" }",
+        },
+        Field {
+            key: "display",
+            ty: Ty::Any("Tonemap"),
+            required: false,
+            default: "sRGB with an exposure for each figure",
+            doc: "tone map of the crops and films in figures; exposure = 0 shows radiance 1 as \
+                  white",
+        },
+    ],
+};
+
+/// Method that sets the presentation.
+pub const METHODS: &[ApiFn] = &[ApiFn {
+    name: "x:report",
+    params: &[Param {
+        name: "options",
+        ty: "Presentation",
+        doc: "Names, colours and tone map.",
+    }],
+    returns: "",
+    doc: "Sets how figures, tables and reports present the results.",
+    call: report,
+}];
+
+fn report(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 1)?;
+    let options = args.table(shared, 0, "options")?;
+    let read = || -> Result<Presentation, SchemaError> {
+        let fields = strict::fields(&options, &PRESENTATION, "report", false)?;
+        let value = |key: &str| fields.values.get(key);
+        Ok(Presentation {
+            display: value("display")
+                .map(|display| Tonemap::from_value("report.display", display))
+                .transpose()?,
+            names: texts("names", value("names"), |name| {
+                let length = name.chars().count();
+                (1..=LONGEST_NAME).contains(&length) && !name.contains(char::is_control)
+            })?,
+            colours: texts("colours", value("colours"), |colour| {
+                let digits = colour.strip_prefix('#');
+                digits.is_some_and(|digits| {
+                    digits.len() == 6 && digits.bytes().all(|b| b.is_ascii_hexdigit())
+                })
+            })?,
+        })
+    };
+    let presentation = read().map_err(|e| args.locate_error(shared, e))?;
+    let mut builder = shared.builder.borrow_mut();
+    only_once(
+        shared,
+        args,
+        builder.report.as_ref().map(|(_, place)| place),
+    )?;
+    builder.report = Some((presentation, args.place.clone()));
+    Ok(LuaValue::Nil)
+}
+
+/// Converts a table of texts by axis values, each of which must be valid.
+fn texts(
+    key: &str,
+    value: Option<&Value>,
+    is_valid: impl Fn(&str) -> bool,
+) -> Result<BTreeMap<String, String>, SchemaError> {
+    let expected = match key {
+        "colours" => "a colour such as \"#117733\"".to_owned(),
+        _ => format!("a name of 1 to {LONGEST_NAME} characters"),
+    };
+    let fail = |path: String, found: String| SchemaError {
+        path,
+        problem: format!("expected {expected}, found {found}"),
+        help: None,
+        key: key.to_owned(),
+    };
+    let Some(value) = value else {
+        return Ok(BTreeMap::new());
+    };
+    let map = match value {
+        Value::Map(map) => map,
+        other => return Err(fail(format!("report.{key}"), other.to_string())),
+    };
+    map.iter()
+        .map(
+            |(name, text)| match text.as_str().filter(|text| is_valid(text)) {
+                Some(text) => Ok((name.clone(), text.to_owned())),
+                None => Err(fail(format!("report.{key}.{name}"), text.to_string())),
+            },
+        )
+        .collect()
+}

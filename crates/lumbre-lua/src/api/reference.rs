@@ -1,0 +1,305 @@
+//! `x:reference`: a rendered reference with an optional bias check, or an image file.
+
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+use mlua::{Function, Lua, Value as LuaValue};
+
+use super::builder::{BiasCheck, Reference, RenderedReference, Stop};
+use super::stop_rule::rule_from_value;
+use super::{ApiFn, Args, Param};
+use crate::error::ScriptError;
+use crate::kind::kind;
+use crate::state::Shared;
+use crate::strict::{self, Fields};
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, duration_s};
+use lumbre_night::experiment::StopRule;
+
+/// Option `agree` of `x:reference`.
+pub const AGREE: Table = Table {
+    name: "Agree",
+    doc: "Bias check: a second technique that must converge to the same picture as the reference. \
+          A difference raises an alarm with a map of the differing blocks.",
+    fields: &[
+        Field {
+            key: "with",
+            ty: Ty::Any("string|RenderChanges"),
+            required: true,
+            default: "",
+            doc: "integrator of the second picture, or a table with it, its parameters and other \
+                  differences from the reference's render table; parameters of the reference's own \
+                  integrator are not inherited",
+        },
+        Field {
+            key: "time",
+            ty: Ty::Duration,
+            required: false,
+            default: "the reference's stop rule",
+            doc: "render time of the second picture",
+        },
+        Field {
+            key: "samples",
+            ty: Ty::Int {
+                min: 2,
+                max: 1 << 53,
+            },
+            required: false,
+            default: "the reference's stop rule",
+            doc: "samples per pixel of the second picture",
+        },
+        Field {
+            key: "rate",
+            ty: Ty::Num {
+                min: 1e-9,
+                max: 0.5,
+            },
+            required: false,
+            default: "0.01",
+            doc: "accepted rate of false discoveries among the blocks reported as different; if \
+                  nothing differs, the probability of an alarm",
+        },
+    ],
+};
+
+/// Options of `x:reference`.
+pub const REFERENCE: Table = Table {
+    name: "Reference",
+    doc: "Reference of the cells: a picture that is rendered first and stored, or an image file.",
+    fields: &[
+        Field {
+            key: "from",
+            ty: Ty::Object("fun(p: Point): RenderChanges"),
+            required: false,
+            default: "the cell's own render table",
+            doc: "function that returns the differences from the cell's render table; `set`, `aa`, \
+                  `camera`, `rr` and `scene_options` are merged key by key",
+        },
+        Field {
+            key: "stop",
+            ty: Ty::Object("StopRule|fun(p: Point): StopRule"),
+            required: false,
+            default: "",
+            doc: "stop rule of the reference, or a function that returns the rule for each cell's \
+                  reference; required unless `image` is given",
+        },
+        Field {
+            key: "agree",
+            ty: Ty::Table(&AGREE),
+            required: false,
+            default: "no comparison",
+            doc: "second technique with which the reference is compared, block by block",
+        },
+        Field {
+            key: "parts",
+            ty: Ty::Int { min: 1, max: 4096 },
+            required: false,
+            default: "1",
+            doc: "number of shards (ranges of samples) that workers render at the same time; only \
+                  with `stop.samples`",
+        },
+        Field {
+            key: "image",
+            ty: Ty::Object("string|fun(p: Point): string"),
+            required: false,
+            default: "",
+            doc: "OpenEXR file instead of a rendered reference, relative to the current folder or \
+                  else to the script's; or a function that returns the file",
+        },
+        Field {
+            key: "source",
+            ty: Ty::Str,
+            required: false,
+            default: "",
+            doc: "with `image`: origin of the image, printed wherever the reference is named",
+        },
+    ],
+};
+
+/// Method that declares the reference.
+pub const METHODS: &[ApiFn] = &[ApiFn {
+    name: "x:reference",
+    params: &[Param {
+        name: "options",
+        ty: "Reference",
+        doc: "Rendering or file of the reference.",
+    }],
+    returns: "",
+    doc: "Sets the reference with which cells are compared. Without it, no metrics are measured.",
+    call: reference,
+}];
+
+fn reference(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 1)?;
+    let table = args.table(shared, 0, "options")?;
+    let fields = strict::fields(&table, &REFERENCE, "reference", false)
+        .map_err(|e| args.locate_error(shared, e))?;
+    let reference = match fields.objects.get("image") {
+        Some(image) => {
+            image_reference(&fields, image, args).map_err(|e| args.locate_error(shared, e))?
+        }
+        None => rendered_reference(shared, args, &fields)?,
+    };
+    let mut builder = shared.builder.borrow_mut();
+    if builder.reference.is_some() {
+        let problem = "called twice: an experiment has one reference";
+        return Err(args.error(shared, problem, None));
+    }
+    builder.reference = Some(reference);
+    Ok(LuaValue::Nil)
+}
+
+/// Returns an error about an option of `x:reference`.
+fn option_error(key: &str, problem: impl Into<String>, help: Option<&str>) -> SchemaError {
+    SchemaError {
+        path: format!("reference.{key}"),
+        problem: problem.into(),
+        help: help.map(str::to_owned),
+        key: key.to_owned(),
+    }
+}
+
+/// Returns a reference that is an image file; options of rendered references are errors.
+fn image_reference(
+    fields: &Fields,
+    image: &LuaValue,
+    args: &Args,
+) -> Result<Reference, SchemaError> {
+    let is_given = |key: &str| fields.objects.contains_key(key) || fields.values.contains_key(key);
+    if is_given("agree") {
+        let problem = "`agree` does not apply to an `image`, whose noise is unknown";
+        return Err(option_error("agree", problem, None));
+    }
+    if let Some(key) = ["stop", "from", "parts"]
+        .into_iter()
+        .find(|key| is_given(key))
+    {
+        let problem = format!("`{key}` does not apply to an `image`");
+        return Err(option_error(key, problem, None));
+    }
+    let source = fields
+        .values
+        .get("source")
+        .and_then(Value::as_str)
+        .unwrap_or_default()
+        .to_owned();
+    match image {
+        LuaValue::String(s) => Ok(Reference::Image {
+            file: s.to_string_lossy(),
+            source,
+            place: args.place.clone(),
+        }),
+        LuaValue::Function(f) => Ok(Reference::ImageFunction {
+            file: f.clone(),
+            source,
+        }),
+        other => {
+            let problem = format!("expected a file or a function, found {}", kind(other));
+            Err(option_error("image", problem, None))
+        }
+    }
+}
+
+/// Returns a reference that is rendered.
+fn rendered_reference(
+    shared: &Shared,
+    args: &Args,
+    fields: &Fields,
+) -> Result<Reference, ScriptError> {
+    let fail = |error: SchemaError| args.locate_error(shared, error);
+    if fields.values.contains_key("source") {
+        let problem = "`source` describes an `image`, but no `image` is given";
+        return Err(fail(option_error("source", problem, None)));
+    }
+    let Some(rule) = fields.objects.get("stop") else {
+        let help = "add a stop rule, such as stop = stop.samples(4096)".to_owned();
+        return Err(shared.sources.borrow().field(
+            &args.place,
+            "reference",
+            "`stop` is missing",
+            Some(help),
+        ));
+    };
+    let stop = reference_stop(rule).map_err(fail)?;
+    let from = overrides(fields.objects.get("from")).map_err(fail)?;
+    let bias_check = fields
+        .values
+        .get("agree")
+        .and_then(Value::as_map)
+        .map(bias_check)
+        .transpose()
+        .map_err(fail)?;
+    let shards = fields
+        .values
+        .get("parts")
+        .and_then(Value::as_i64)
+        .and_then(|n| u32::try_from(n).ok());
+    Ok(Reference::Render(RenderedReference {
+        from,
+        stop,
+        bias_check,
+        shards: shards.unwrap_or(1),
+        place: args.place.clone(),
+    }))
+}
+
+/// Converts the option `stop`.
+fn reference_stop(rule: &LuaValue) -> Result<Stop, SchemaError> {
+    match (rule_from_value(rule), rule) {
+        (Some(rule), _) => Ok(Stop::Rule(rule)),
+        (None, LuaValue::Function(f)) => Ok(Stop::Function(f.clone())),
+        (None, _) => {
+            let problem = format!("expected a stop rule, found {}", kind(rule));
+            let help = "use stop.samples(n), stop.time(t) and others, or a function that returns \
+                        one";
+            Err(option_error("stop", problem, Some(help)))
+        }
+    }
+}
+
+/// Converts the option `from`.
+fn overrides(from: Option<&LuaValue>) -> Result<Option<Function>, SchemaError> {
+    match from {
+        None => Ok(None),
+        Some(LuaValue::Function(f)) => Ok(Some(f.clone())),
+        Some(other) => {
+            let problem = format!("expected a function, found {}", kind(other));
+            let help = "from = function(p) return { max_depth = 64 } end";
+            Err(option_error("from", problem, Some(help)))
+        }
+    }
+}
+
+/// Converts the option `agree`, which was checked against its schema.
+fn bias_check(map: &BTreeMap<String, Value>) -> Result<BiasCheck, SchemaError> {
+    let mut stops = Vec::new();
+    stops.extend(map.get("time").and_then(duration_s).map(StopRule::Time));
+    stops.extend(
+        map.get("samples")
+            .and_then(Value::as_i64)
+            .map(|n| StopRule::Samples(n.unsigned_abs())),
+    );
+    let stop = if stops.len() > 1 {
+        Some(StopRule::Any(stops))
+    } else {
+        stops.pop()
+    };
+    let changes = match map.get("with") {
+        Some(name @ Value::Str(_)) => BTreeMap::from([("integrator".to_owned(), name.clone())]),
+        Some(Value::Map(changes)) if changes.contains_key("integrator") => changes.clone(),
+        _ => {
+            let mut error = option_error(
+                "agree.with",
+                "expected the name of an integrator, or a table with `integrator`",
+                Some("with = { integrator = \"bdpt\", mis = \"balance\" }"),
+            );
+            error.key = "with".to_owned();
+            return Err(error);
+        }
+    };
+    Ok(BiasCheck {
+        changes,
+        stop,
+        rate: map.get("rate").and_then(Value::as_f64).unwrap_or(0.01),
+    })
+}

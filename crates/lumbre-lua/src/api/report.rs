@@ -1,0 +1,416 @@
+//! `x:figure` and `x:table`: figures and tables of the results.
+
+use std::rc::Rc;
+
+use mlua::{Lua, UserData, UserDataFields, Value as LuaValue};
+
+use super::{ApiFn, Args, Param};
+use crate::error::ScriptError;
+use crate::kind::{KIND, kind};
+use crate::source::SourcePlace;
+use crate::state::Shared;
+use crate::strict;
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
+use lumbre_night::experiment::spec::{
+    FigureKind, FigureSpec, FigureX, RunColumn, TableFormat, TableSpec, TableValue,
+};
+
+/// Largest number of figures, and of tables, of one experiment.
+const MAX_REPORTS: usize = 64;
+
+/// Options of `x:figure`.
+pub const FIGURE: Table = Table {
+    name: "Figure",
+    doc: "Figure with curves; one picture for each combination of facet values.",
+    fields: &[
+        Field {
+            key: "x",
+            ty: Ty::Str,
+            required: false,
+            default: "render_s",
+            doc: FigureX::X_DOC,
+        },
+        Field {
+            key: "y",
+            ty: Ty::Object("string|TimeTo|(string|TimeTo)[]"),
+            required: true,
+            default: "",
+            doc: "metric columns, one panel each; over an axis of the sweep, everything that a \
+                  table can show",
+        },
+        Field {
+            key: "by",
+            ty: Ty::Str,
+            required: false,
+            default: "one curve per cell; over an axis, one per combination of the other axes",
+            doc: "axis whose values are different curves",
+        },
+        Field {
+            key: "facet",
+            ty: Ty::OneOrMany(&Ty::Str),
+            required: false,
+            default: "one picture",
+            doc: "axes whose values are different pictures",
+        },
+        Field {
+            key: "only",
+            ty: Ty::Any("table<string, any>"),
+            required: false,
+            default: "all values",
+            doc: "values of axes to draw, one value or a list for each axis: only = { builder = \
+                  \"sah\" }",
+        },
+    ],
+};
+
+/// Options of `x:table`.
+pub const TABLE: Table = Table {
+    name: "ResultTable",
+    doc: "Table over axes. Values of all other axes and of repeats are averaged.",
+    fields: &[
+        Field {
+            key: "value",
+            ty: Ty::Object("string|TimeTo"),
+            required: true,
+            default: "",
+            doc: RunColumn::VALUE_DOC,
+        },
+        Field {
+            key: "rows",
+            ty: Ty::OneOrMany(&Ty::Str),
+            required: true,
+            default: "",
+            doc: "axes whose values are the rows",
+        },
+        Field {
+            key: "cols",
+            ty: Ty::OneOrMany(&Ty::Str),
+            required: false,
+            default: "a single column",
+            doc: "axes whose values are the columns",
+        },
+        Field {
+            key: "format",
+            ty: Ty::OneOrMany(&Ty::Word(&["md", "csv"])),
+            required: false,
+            default: "both",
+            doc: "file formats: `md` is Markdown, `csv` is comma-separated values",
+        },
+    ],
+};
+
+/// Constructor of a table's value.
+pub const GLOBALS: &[ApiFn] = &[ApiFn {
+    name: "time_to",
+    params: &[
+        Param {
+            name: "column",
+            ty: "string",
+            doc: "Name of a metric column of x:measure.",
+        },
+        Param {
+            name: "threshold",
+            ty: "number",
+            doc: "Value to reach, coming from worse values, in the unit of the metric.",
+        },
+    ],
+    returns: "TimeTo",
+    doc: "Returns a value for tables and figures over axes: render time in seconds until a metric \
+          first reached a threshold.",
+    call: time_to,
+}];
+
+/// Methods that declare figures and tables.
+pub const METHODS: &[ApiFn] = &[
+    ApiFn {
+        name: "x:table",
+        params: &[
+            Param {
+                name: "name",
+                ty: "string",
+                doc: "Name of its files, without extension: at most 60 letters, digits, `_`, `-` \
+                      and `.`.",
+            },
+            Param {
+                name: "options",
+                ty: "ResultTable",
+                doc: "Value, rows and columns.",
+            },
+        ],
+        returns: "",
+        doc: "Adds a table of the results, which is written when the night ends.",
+        call: table,
+    },
+    ApiFn {
+        name: "x:figure",
+        params: &[
+            Param {
+                name: "name",
+                ty: "string",
+                doc: "Name of its files, without extension: at most 60 letters, digits, `_`, `-` \
+                      and `.`.",
+            },
+            Param {
+                name: "options",
+                ty: "Figure",
+                doc: "Axes and columns to draw.",
+            },
+        ],
+        returns: "",
+        doc: "Adds a figure: errors over the course of runs, or final results over an axis of the \
+              sweep.",
+        call: figure,
+    },
+];
+
+/// Lua object of `time_to(column, threshold)`.
+#[derive(Clone, Debug)]
+pub struct TimeToObject {
+    column: String,
+    threshold: f64,
+}
+
+impl UserData for TimeToObject {
+    fn add_fields<F: UserDataFields<Self>>(fields: &mut F) {
+        fields.add_meta_field(KIND, "a time_to value");
+    }
+}
+
+fn time_to(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 2)?;
+    let (column, threshold) = (
+        args.text(shared, 0, "column")?,
+        args.number(shared, 1, "threshold")?,
+    );
+    let object = TimeToObject { column, threshold };
+    Ok(LuaValue::UserData(
+        lua.create_userdata(object)
+            .map_err(|e| shared.convert(&e))?,
+    ))
+}
+
+/// Returns the name of a figure or table, which becomes a file name.
+fn file_name(shared: &Shared, args: &Args) -> Result<String, ScriptError> {
+    args.at_most(shared, 2)?;
+    let name = args.text(shared, 0, "name")?;
+    let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
+    if name.is_empty() || name.len() > 60 || name.starts_with('.') || !name.chars().all(legal) {
+        let help =
+            "use at most 60 letters, digits, `_`, `-` and `.`, not starting with a dot".to_owned();
+        return Err(args.error(shared, format!("`{name}` cannot name a file"), Some(help)));
+    }
+    Ok(name)
+}
+
+/// Rejects a second figure or table of the same name, and more than [`MAX_REPORTS`].
+fn check_name_is_new<T>(
+    shared: &Shared,
+    args: &Args,
+    name: &str,
+    declared: &[(T, SourcePlace)],
+    name_of: fn(&T) -> &str,
+) -> Result<(), ScriptError> {
+    // On file systems that ignore case, one file would replace the other.
+    if let Some((_, place)) = declared
+        .iter()
+        .find(|(t, _)| name_of(t).eq_ignore_ascii_case(name))
+    {
+        return Err(args.error(
+            shared,
+            format!("`{name}` is already defined in line {}", place.line),
+            None,
+        ));
+    }
+    if declared.len() >= MAX_REPORTS {
+        return Err(args.error(
+            shared,
+            format!("called more than {MAX_REPORTS} times"),
+            None,
+        ));
+    }
+    Ok(())
+}
+
+/// Returns the names in a field that is one name or a list of names.
+fn names(value: Option<&Value>) -> Vec<String> {
+    match value {
+        Some(Value::Str(s)) => vec![s.clone()],
+        Some(Value::List(items)) => items
+            .iter()
+            .filter_map(Value::as_str)
+            .map(str::to_owned)
+            .collect(),
+        _ => Vec::new(),
+    }
+}
+
+fn figure(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    let name = file_name(shared, args)?;
+    let path = format!("figure.{name}");
+    let options = args.table(shared, 1, "options")?;
+    let read = || -> Result<FigureSpec, SchemaError> {
+        let fields = strict::fields(&options, &FIGURE, &path, false)?;
+        let word = |key: &str| fields.values.get(key).and_then(Value::as_str);
+        let y = fields
+            .objects
+            .get("y")
+            .map_or(Ok(Vec::new()), |y| figure_values(y, &path))?;
+        let columns = |y: Vec<TableValue>| {
+            y.iter()
+                .map(|value| curve_column(value, &path))
+                .collect::<Result<Vec<_>, _>>()
+        };
+        let x = word("x").unwrap_or(FigureX::ALL[0].row().name);
+        let kind = match FigureX::named(x) {
+            Some(x) => FigureKind::Convergence { x, y: columns(y)? },
+            None => FigureKind::Sweep {
+                over: x.to_owned(),
+                y,
+            },
+        };
+        Ok(FigureSpec {
+            name: name.clone(),
+            kind,
+            by: word("by").map(str::to_owned),
+            facet: names(fields.values.get("facet")),
+            only: only_values(fields.values.get("only"), &path)?,
+        })
+    };
+    let spec = read().map_err(|e| args.locate_error(shared, e))?;
+    let mut builder = shared.builder.borrow_mut();
+    check_name_is_new(shared, args, &name, &builder.figures, |f| &f.name)?;
+    builder.figures.push((spec, args.place.clone()));
+    Ok(LuaValue::Nil)
+}
+
+/// Converts the option `y` of a figure: one value, or a list of values.
+fn figure_values(y: &LuaValue, path: &str) -> Result<Vec<TableValue>, SchemaError> {
+    let LuaValue::Table(list) = y else {
+        return Ok(vec![table_value(y, path, "y")?]);
+    };
+    list.sequence_values::<LuaValue>()
+        .map(|item| match item {
+            Ok(item) => table_value(&item, path, "y"),
+            Err(e) => Err(field_error(&format!("{path}.y"), "y", e.to_string(), None)),
+        })
+        .collect()
+}
+
+/// Returns an error about a field.
+pub(super) fn field_error(
+    path: &str,
+    key: &str,
+    problem: String,
+    help: Option<String>,
+) -> SchemaError {
+    SchemaError {
+        path: path.to_owned(),
+        problem,
+        help,
+        key: key.to_owned(),
+    }
+}
+
+/// Returns the column of a figure that shows measurements over the course of a run.
+fn curve_column(value: &TableValue, path: &str) -> Result<String, SchemaError> {
+    match value {
+        TableValue::TimeTo { .. } => Err(field_error(
+            &format!("{path}.y"),
+            "y",
+            "time_to(..) is one number per run and has no curve".to_owned(),
+            Some("draw it over an axis of the sweep: x = \"depth\"".to_owned()),
+        )),
+        value => Ok(value.name()),
+    }
+}
+
+/// Converts the option `only` of a figure to axes with their values.
+fn only_values(
+    value: Option<&Value>,
+    path: &str,
+) -> Result<Vec<(String, Vec<Value>)>, SchemaError> {
+    let values = |value: &Value| match value {
+        Value::List(values) => values.clone(),
+        one => vec![one.clone()],
+    };
+    match value {
+        None => Ok(Vec::new()),
+        Some(Value::Map(axes)) => Ok(axes
+            .iter()
+            .map(|(axis, kept)| (axis.clone(), values(kept)))
+            .collect()),
+        Some(_) => Err(field_error(
+            &format!("{path}.only"),
+            "only",
+            "expected a table of axes with their values".to_owned(),
+            Some("only = { depth = { 3, 5 } }".to_owned()),
+        )),
+    }
+}
+
+fn table(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    let name = file_name(shared, args)?;
+    let path = format!("table.{name}");
+    let options = args.table(shared, 1, "options")?;
+    let read = || -> Result<TableSpec, SchemaError> {
+        let fields = strict::fields(&options, &TABLE, &path, false)?;
+        let value = match fields.objects.get("value") {
+            Some(value) => table_value(value, &path, "value")?,
+            None => TableValue::Run(RunColumn::Samples),
+        };
+        let formats = match names(fields.values.get("format")) {
+            words if words.is_empty() => vec![TableFormat::Md, TableFormat::Csv],
+            words => {
+                let is_given = |word: &str| words.iter().any(|w| w == word);
+                [("md", TableFormat::Md), ("csv", TableFormat::Csv)]
+                    .iter()
+                    .filter(|(w, _)| is_given(w))
+                    .map(|(_, f)| *f)
+                    .collect()
+            }
+        };
+        let (rows, cols) = (
+            names(fields.values.get("rows")),
+            names(fields.values.get("cols")),
+        );
+        Ok(TableSpec {
+            name: name.clone(),
+            value,
+            rows,
+            cols,
+            formats,
+        })
+    };
+    let spec = read().map_err(|e| args.locate_error(shared, e))?;
+    let mut builder = shared.builder.borrow_mut();
+    check_name_is_new(shared, args, &name, &builder.tables, |t| &t.name)?;
+    builder.tables.push((spec, args.place.clone()));
+    Ok(LuaValue::Nil)
+}
+
+/// Converts the name of a column, or a `time_to` object, to a table value.
+fn table_value(value: &LuaValue, path: &str, key: &str) -> Result<TableValue, SchemaError> {
+    let wrong = |help: Option<String>| SchemaError {
+        path: format!("{path}.{key}"),
+        problem: format!(
+            "expected the name of a column or time_to(column, threshold), found {}",
+            kind(value)
+        ),
+        help,
+        key: key.to_owned(),
+    };
+    match value {
+        LuaValue::String(s) => Ok(TableValue::named(s.to_string_lossy())),
+        LuaValue::UserData(data) => match data.borrow::<TimeToObject>() {
+            Ok(t) => Ok(TableValue::TimeTo {
+                column: t.column.clone(),
+                threshold: t.threshold,
+            }),
+            Err(_) => Err(wrong(Some(format!(
+                "use the name of a metric column: {key} = \"rmse\""
+            )))),
+        },
+        _ => Err(wrong(None)),
+    }
+}

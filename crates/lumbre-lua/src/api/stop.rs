@@ -1,0 +1,450 @@
+//! Constructors of stop rules: `stop.time`, `stop.when` and the others.
+
+use std::rc::Rc;
+
+use mlua::{Lua, Value as LuaValue};
+
+use super::rule::{Rule, RuleObject};
+use super::stop_rule::rule_from_value;
+use super::{ApiFn, Args, Param};
+use crate::error::ScriptError;
+use crate::kind::kind;
+use crate::state::Shared;
+use crate::strict;
+use lumbre_light::value::schema::{Field, Table, Ty, duration_s};
+use lumbre_light::value::{Value, suggest};
+use lumbre_night::experiment::StopRule;
+use lumbre_night::experiment::stop::Comparison;
+
+/// Largest number of rules inside one rule.
+const MAX_RULES: usize = 256;
+
+/// Deepest nesting of rules.
+const MAX_DEPTH: usize = 16;
+
+/// Largest count of samples, waves or invalid samples.
+const MAX_COUNT: i64 = 1 << 53;
+
+/// Comparison operators with their spelling in scripts.
+const COMPARISONS: &[(&str, Comparison)] = &[
+    ("<", Comparison::Less),
+    ("<=", Comparison::LessEqual),
+    (">", Comparison::Greater),
+    (">=", Comparison::GreaterEqual),
+];
+
+/// Options of `stop.when`.
+pub const WHEN: Table = Table {
+    name: "WhenOptions",
+    doc: "Options of `stop.when`.",
+    fields: &[Field {
+        key: "hold",
+        ty: Ty::Int {
+            min: 1,
+            max: 1_000_000,
+        },
+        required: false,
+        default: "1",
+        doc: "number of consecutive measurements that must fulfil the comparison",
+    }],
+};
+
+/// Options of `stop.plateau`.
+pub const PLATEAU: Table = Table {
+    name: "PlateauOptions",
+    doc: "Options of `stop.plateau`.",
+    fields: &[
+        Field {
+            key: "slope",
+            ty: Ty::Num {
+                min: -10.0,
+                max: -1e-6,
+            },
+            required: false,
+            default: "-0.1",
+            doc: "slope of log(error) over log(render time) above which the error counts as \
+                  constant; an unbiased technique has -0.5",
+        },
+        Field {
+            key: "over",
+            ty: Ty::Num { min: 1.5, max: 1e6 },
+            required: false,
+            default: "4",
+            doc: "length of the fitted interval as a ratio of render times: 4 uses the last three \
+                  quarters of the time",
+        },
+        Field {
+            key: "p",
+            ty: Ty::Num {
+                min: 1e-9,
+                max: 0.5,
+            },
+            required: false,
+            default: "0.01",
+            doc: "significance level: the rule stops if a slope as flat as the measured one had a \
+                  smaller probability under the requested slope",
+        },
+    ],
+};
+
+/// Constructors of stop rules.
+pub const RULES: &[ApiFn] = &[
+    ApiFn {
+        name: "stop.time",
+        params: &[Param {
+            name: "time",
+            ty: "number|string",
+            doc: "Render time above 0: seconds, or text such as \"50s\" or \"5min\".",
+        }],
+        returns: "StopRule",
+        doc: "Stops when the render time, which excludes measuring and saving, reaches a limit.",
+        call: time,
+    },
+    ApiFn {
+        name: "stop.samples",
+        params: &[Param {
+            name: "count",
+            ty: "integer",
+            doc: "Samples per pixel, at least 1.",
+        }],
+        returns: "StopRule",
+        doc: "Stops when every pixel has exactly this many samples.",
+        call: samples,
+    },
+    ApiFn {
+        name: "stop.waves",
+        params: &[Param {
+            name: "count",
+            ty: "integer",
+            doc: "Number of waves, at least 1.",
+        }],
+        returns: "StopRule",
+        doc: "Stops after this many waves.",
+        call: waves,
+    },
+    ApiFn {
+        name: "stop.when",
+        params: &[
+            Param {
+                name: "column",
+                ty: "string",
+                doc: "Name of a metric column of x:measure.",
+            },
+            Param {
+                name: "comparison",
+                ty: "\"<\"|\"<=\"|\">\"|\">=\"",
+                doc: "Comparison of the column with the threshold.",
+            },
+            Param {
+                name: "value",
+                ty: "number",
+                doc: "Threshold in the unit of the metric.",
+            },
+            Param {
+                name: "options?",
+                ty: "WhenOptions",
+                doc: "Number of measurements for which the comparison must hold.",
+            },
+        ],
+        returns: "StopRule",
+        doc: "Stops when a metric passes a threshold.",
+        call: when,
+    },
+    ApiFn {
+        name: "stop.plateau",
+        params: &[
+            Param {
+                name: "column",
+                ty: "string",
+                doc: "Name of a metric column of x:measure.",
+            },
+            Param {
+                name: "options?",
+                ty: "PlateauOptions",
+                doc: "Slope, interval and significance.",
+            },
+        ],
+        returns: "StopRule",
+        doc: "Stops when an error no longer falls: when the slope of its logarithm over the \
+              logarithm of render time is significantly flatter than requested. More time is then \
+              useless, since only bias or the noise of the reference is left.",
+        call: plateau,
+    },
+    ApiFn {
+        name: "stop.nan",
+        params: &[Param {
+            name: "count",
+            ty: "integer",
+            doc: "Number of invalid samples, at least 1.",
+        }],
+        returns: "StopRule",
+        doc: "Stops when at least this many samples were NaN or infinite.",
+        call: nan,
+    },
+    ApiFn {
+        name: "stop.predicate",
+        params: &[Param {
+            name: "f",
+            ty: "fun(row: Row, history: Row[]): boolean?",
+            doc: "Function that is called after every measurement with the newest row and all \
+                  rows, oldest first.",
+        }],
+        returns: "StopRule",
+        doc: "Stops when the function returns true.",
+        call: predicate,
+    },
+    ApiFn {
+        name: "stop.any",
+        params: &[Param {
+            name: "...",
+            ty: "StopRule|StopRule[]",
+            doc: "Rules, as arguments or in one list.",
+        }],
+        returns: "StopRule",
+        doc: "Stops when at least one of the rules is fulfilled.",
+        call: any,
+    },
+    ApiFn {
+        name: "stop.all",
+        params: &[Param {
+            name: "...",
+            ty: "StopRule|StopRule[]",
+            doc: "Rules, as arguments or in one list.",
+        }],
+        returns: "StopRule",
+        doc: "Stops when all rules are fulfilled at the same time.",
+        call: all,
+    },
+    ApiFn {
+        name: "stop.not_",
+        params: &[Param {
+            name: "rule",
+            ty: "StopRule",
+            doc: "Rule to negate.",
+        }],
+        returns: "StopRule",
+        doc: "Stops when the rule is not fulfilled.",
+        call: not,
+    },
+];
+
+/// Creates the Lua object of a rule.
+fn rule_object(
+    shared: &Shared,
+    lua: &Lua,
+    args: &Args,
+    rule: Rule,
+) -> Result<LuaValue, ScriptError> {
+    let rule = RuleObject::new(rule);
+    if rule.size() > MAX_RULES || rule.depth() > MAX_DEPTH {
+        let problem = format!(
+            "the rule contains more than {MAX_RULES} rules or is nested more than {MAX_DEPTH} deep"
+        );
+        return Err(args.error(shared, problem, None));
+    }
+    Ok(LuaValue::UserData(
+        lua.create_userdata(rule).map_err(|e| shared.convert(&e))?,
+    ))
+}
+
+fn time(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 1)?;
+    let value =
+        strict::read(&args.get(0), "stop.time", "").map_err(|e| args.locate_error(shared, e))?;
+    match duration_s(&value) {
+        Some(seconds) if seconds > 0.0 => {
+            rule_object(shared, lua, args, Rule::Leaf(StopRule::Time(seconds)))
+        }
+        _ => Err(args.error(
+            shared,
+            format!(
+                "`{value}` is not a duration above zero: expected {}",
+                Ty::Duration.describe()
+            ),
+            None,
+        )),
+    }
+}
+
+/// Returns the only argument, a count.
+fn count(shared: &Shared, args: &Args) -> Result<u64, ScriptError> {
+    args.at_most(shared, 1)?;
+    args.integer(shared, 0, "count", 1, MAX_COUNT)
+        .map(i64::unsigned_abs)
+}
+
+fn samples(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    rule_object(
+        shared,
+        lua,
+        args,
+        Rule::Leaf(StopRule::Samples(count(shared, args)?)),
+    )
+}
+
+fn waves(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    rule_object(
+        shared,
+        lua,
+        args,
+        Rule::Leaf(StopRule::Waves(count(shared, args)?)),
+    )
+}
+
+fn nan(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    rule_object(
+        shared,
+        lua,
+        args,
+        Rule::Leaf(StopRule::Nan(count(shared, args)?)),
+    )
+}
+
+fn when(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 4)?;
+    let column = args.text(shared, 0, "column")?;
+    let sign = args.text(shared, 1, "comparison")?;
+    let value = args.number(shared, 2, "value")?;
+    let Some((_, op)) = COMPARISONS.iter().find(|(s, _)| *s == sign) else {
+        let known = COMPARISONS
+            .iter()
+            .map(|(s, _)| *s)
+            .collect::<Vec<_>>()
+            .join(", ");
+        return Err(args.error(
+            shared,
+            format!("unknown comparison `{sign}`"),
+            Some(format!("known: {known}")),
+        ));
+    };
+    let options = match args.get(3) {
+        LuaValue::Nil => strict::Fields::default(),
+        LuaValue::Table(t) => strict::fields(&t, &WHEN, "stop.when", false)
+            .map_err(|e| args.locate_error(shared, e))?,
+        _ => return Err(args.wrong(shared, 3, "options", "a table such as { hold = 3 }")),
+    };
+    let hold = options
+        .values
+        .get("hold")
+        .and_then(Value::as_i64)
+        .and_then(|h| u32::try_from(h).ok())
+        .unwrap_or(1);
+    let rule = StopRule::When {
+        column: column.clone(),
+        op: *op,
+        value,
+        hold,
+    };
+    rule_object(
+        shared,
+        lua,
+        args,
+        Rule::Column(rule, column, args.place.clone()),
+    )
+}
+
+fn plateau(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 2)?;
+    let column = args.text(shared, 0, "column")?;
+    let options = match args.get(1) {
+        LuaValue::Nil => strict::Fields::default(),
+        LuaValue::Table(t) => strict::fields(&t, &PLATEAU, "stop.plateau", false)
+            .map_err(|e| args.locate_error(shared, e))?,
+        _ => return Err(args.wrong(shared, 1, "options", "a table such as { slope = -0.1 }")),
+    };
+    let number = |key: &str, default: f64| {
+        options
+            .values
+            .get(key)
+            .and_then(Value::as_f64)
+            .unwrap_or(default)
+    };
+    let (exponent, over, p) = (
+        number("slope", -0.1),
+        number("over", 4.0),
+        number("p", 0.01),
+    );
+    let rule = StopRule::Plateau {
+        column: column.clone(),
+        exponent,
+        over,
+        p,
+    };
+    rule_object(
+        shared,
+        lua,
+        args,
+        Rule::Column(rule, column, args.place.clone()),
+    )
+}
+
+fn predicate(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 1)?;
+    let function = args.function(shared, 0, "f")?;
+    rule_object(shared, lua, args, Rule::Predicate(function))
+}
+
+/// Returns the rules in the arguments, given one by one or in one list.
+fn rules(shared: &Shared, args: &Args) -> Result<Vec<RuleObject>, ScriptError> {
+    let values: Vec<LuaValue> = match args.get(0) {
+        LuaValue::Table(list) if args.len() == 1 => {
+            let n = list.raw_len();
+            (1..=n.min(MAX_RULES + 1))
+                .map(|i| list.raw_get(i))
+                .collect::<mlua::Result<_>>()
+                .map_err(|e| shared.convert(&e))?
+        }
+        _ => (0..args.len()).map(|i| args.get(i)).collect(),
+    };
+    if values.is_empty() {
+        let help = "write stop.any { stop.samples(256), stop.time(\"50s\") }".to_owned();
+        return Err(args.error(shared, "expected at least one rule", Some(help)));
+    }
+    let rule = |(i, value): (usize, &LuaValue)| {
+        rule_from_value(value).ok_or_else(|| {
+            args.error(
+                shared,
+                format!(
+                    "rule {}: expected a stop rule, found {}",
+                    i + 1,
+                    kind(value)
+                ),
+                help_for(value),
+            )
+        })
+    };
+    values.iter().enumerate().map(rule).collect()
+}
+
+/// Returns a suggestion for a value that is not a rule.
+fn help_for(value: &LuaValue) -> Option<String> {
+    let names = || RULES.iter().filter_map(|r| r.name.strip_prefix("stop."));
+    match value {
+        LuaValue::Function(_) => {
+            Some("use stop.predicate(f) to make a rule of a function".to_owned())
+        }
+        LuaValue::String(s) => {
+            suggest::nearest(&s.to_string_lossy(), names()).map(|n| format!("write stop.{n}(..)"))
+        }
+        LuaValue::Integer(_) | LuaValue::Number(_) => {
+            Some("write stop.samples(n) or stop.time(seconds)".to_owned())
+        }
+        _ => None,
+    }
+}
+
+fn any(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    rule_object(shared, lua, args, Rule::Any(rules(shared, args)?))
+}
+
+fn all(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    rule_object(shared, lua, args, Rule::All(rules(shared, args)?))
+}
+
+fn not(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 1)?;
+    match rule_from_value(&args.get(0)) {
+        Some(inner) => rule_object(shared, lua, args, Rule::Not(inner)),
+        None => Err(args.wrong(shared, 0, "rule", "a stop rule")),
+    }
+}

@@ -1,0 +1,217 @@
+//! Reproducible randomness for scenes: `random`, `scatter` and `noise`, all derived from seeds.
+
+use std::rc::Rc;
+
+use mlua::{Lua, UserData, UserDataFields, UserDataMethods, Value as LuaValue};
+
+use super::create_object;
+use crate::api::{ApiFn, Args, Param};
+use crate::error::ScriptError;
+use crate::kind::KIND;
+use crate::state::Shared;
+use crate::strict;
+use lumbre_light::math::rng::{pcg4d, unit};
+use lumbre_light::scene::noise;
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{Field, Table, Ty};
+
+/// Largest number of points of one `scatter`.
+const MAX_POINTS: i64 = 1_000_000;
+
+/// Options of `scatter`.
+pub const SCATTER: Table = Table {
+    name: "Scatter",
+    doc: "Points on a rectangle in the plane y = 0, centred at the origin.",
+    fields: &[
+        Field {
+            key: "size",
+            ty: Ty::Nums {
+                len: 2,
+                min: 1e-9,
+                max: 1e9,
+            },
+            required: true,
+            default: "",
+            doc: "lengths of the rectangle along x and z, in scene units",
+        },
+        Field {
+            key: "count",
+            ty: Ty::Int {
+                min: 1,
+                max: MAX_POINTS,
+            },
+            required: true,
+            default: "",
+            doc: "number of points",
+        },
+        Field {
+            key: "seed",
+            ty: Ty::Int {
+                min: 0,
+                max: u32::MAX as i64,
+            },
+            required: false,
+            default: "0",
+            doc: "seed of the offset of the sequence",
+        },
+    ],
+};
+
+/// Functions of this module for scripts.
+pub const GLOBALS: &[ApiFn] = &[
+    ApiFn {
+        name: "random",
+        params: &[Param {
+            name: "seed",
+            ty: "integer",
+            doc: "Seed of the stream, from 0 to 4294967295.",
+        }],
+        returns: "Random",
+        doc: "Returns a stream of random numbers that is the same in every run: r:next() is at \
+              least 0 and below 1, r:between(a, b) is uniform between a and b, r:integer(a, b) \
+              includes both ends, r:pick(list) is an item of a list.",
+        call: random,
+    },
+    ApiFn {
+        name: "scatter",
+        params: &[Param {
+            name: "options",
+            ty: "Scatter",
+            doc: "Rectangle, number and seed.",
+        }],
+        returns: "number[][]",
+        doc: "Returns points that are evenly spread without a visible pattern: the plastic-number \
+              sequence [Roberts 2018], offset by the seed.",
+        call: scatter,
+    },
+    ApiFn {
+        name: "noise",
+        params: &[
+            Param {
+                name: "x",
+                ty: "number",
+                doc: "First coordinate; the noise varies on a scale of 1.",
+            },
+            Param {
+                name: "y",
+                ty: "number",
+                doc: "Second coordinate.",
+            },
+            Param {
+                name: "z?",
+                ty: "number",
+                doc: "Third coordinate, default 0.",
+            },
+            Param {
+                name: "octaves?",
+                ty: "integer",
+                doc: "Number of octaves from 1 to 16, default 1; each has twice the frequency and \
+                      half the amplitude of the previous one.",
+            },
+        ],
+        returns: "number",
+        doc: "Returns gradient noise [Perlin 2002]: smooth, mostly between -1 and 1, with mean 0.",
+        call: noise_at,
+    },
+];
+
+/// Lua object of a stream of random numbers.
+#[derive(Debug)]
+pub struct RandomObject {
+    seed: u32,
+    count: u32,
+}
+
+impl RandomObject {
+    /// Returns the next number, at least 0 and below 1.
+    fn next(&mut self) -> f64 {
+        let [word, low, ..] = pcg4d([self.seed, self.count, 0x5eed, 0]);
+        self.count = self.count.wrapping_add(1);
+        f64::from(unit(word)) + f64::from(low >> 8) / f64::from(1u32 << 24) / f64::from(1u32 << 24)
+    }
+}
+
+impl UserData for RandomObject {
+    fn add_fields<F: UserDataFields<Self>>(fields: &mut F) {
+        fields.add_meta_field(KIND, "a source of random numbers");
+    }
+
+    fn add_methods<M: UserDataMethods<Self>>(methods: &mut M) {
+        methods.add_method_mut("next", |_, this, ()| Ok(this.next()));
+        methods.add_method_mut("between", |_, this, (a, b): (f64, f64)| {
+            Ok(a + (b - a) * this.next())
+        });
+        methods.add_method_mut("integer", |_, this, (a, b): (i64, i64)| {
+            let span = b
+                .checked_sub(a)
+                .and_then(|d| d.checked_add(1))
+                .filter(|n| *n > 0);
+            let span = span.ok_or_else(|| {
+                mlua::Error::runtime(format!("there are no integers from {a} to {b}"))
+            })?;
+            Ok(a + ((this.next() * span as f64) as i64).min(span - 1))
+        });
+        methods.add_method_mut("pick", |_, this, list: mlua::Table| {
+            let count = list.raw_len();
+            if count == 0 {
+                return Err(mlua::Error::runtime("pick: the list is empty"));
+            }
+            list.raw_get::<LuaValue>(1 + ((this.next() * count as f64) as usize).min(count - 1))
+        });
+    }
+}
+
+fn random(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 1)?;
+    let seed = args.integer(shared, 0, "seed", 0, i64::from(u32::MAX))?;
+    create_object(
+        shared,
+        lua,
+        RandomObject {
+            seed: seed as u32,
+            count: 0,
+        },
+    )
+}
+
+fn scatter(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 1)?;
+    let table = args.table(shared, 0, "options")?;
+    let fields = strict::fields(&table, &SCATTER, "scatter", false)
+        .map_err(|e| args.locate_error(shared, e))?;
+    let [x, z] = fields.values.get("size").map_or([1.0; 2], super::numbers);
+    let integer = |key: &str| fields.values.get(key).and_then(Value::as_i64).unwrap_or(0);
+    let [first, second, ..] = pcg4d([integer("seed") as u32, 1, 2, 3]);
+    let start = [first, second].map(|word| f64::from(unit(word)));
+    // Real root of p^3 = p + 1.
+    const PLASTIC: f64 = 1.324_717_957_244_746;
+    let step = [1.0 / PLASTIC, 1.0 / (PLASTIC * PLASTIC)];
+    let point = |i: i64| {
+        let along = |k: usize| (start[k] + step[k] * i as f64).fract() - 0.5;
+        lua.create_sequence_from([along(0) * f64::from(x), 0.0, along(1) * f64::from(z)])
+    };
+    let points: mlua::Result<Vec<mlua::Table>> = (0..integer("count")).map(point).collect();
+    let table = points
+        .and_then(|points| lua.create_sequence_from(points))
+        .map_err(|e| shared.convert(&e))?;
+    Ok(LuaValue::Table(table))
+}
+
+fn noise_at(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 4)?;
+    let coordinate = |i: usize, what: &str| match args.get(i) {
+        LuaValue::Nil if i > 1 => Ok(0.0),
+        _ => args.number(shared, i, what),
+    };
+    let point = [
+        coordinate(0, "x")?,
+        coordinate(1, "y")?,
+        coordinate(2, "z")?,
+    ];
+    let octaves = if args.len() > 3 {
+        args.integer(shared, 3, "octaves", 1, 16)?
+    } else {
+        1
+    };
+    Ok(LuaValue::Number(noise::fractal(point, octaves as u32)))
+}

@@ -1,0 +1,327 @@
+//! Textures of scenes: image files, and pictures that a Lua function computes.
+
+use std::rc::Rc;
+use std::sync::Arc;
+
+use glam::{Affine2, Vec2};
+use mlua::{Lua, UserData, UserDataFields, Value as LuaValue, Variadic};
+
+use super::{create_object, scene_error};
+use crate::api::{ApiFn, Args, Param};
+use crate::error::ScriptError;
+use crate::kind::KIND;
+use crate::state::Shared;
+use crate::strict;
+use lumbre_light::scene::desc::{Lookup, Texels, TextureDesc, TextureFilter, Wrap};
+use lumbre_light::value::Value;
+use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_scene_io::load;
+
+/// Options of `texture.paint`.
+pub const PAINT: Table = Table {
+    name: "Paint",
+    doc: "Picture that a function computes.",
+    fields: &[
+        Field {
+            key: "size",
+            ty: Ty::Nums {
+                len: 2,
+                min: 1.0,
+                max: 4096.0,
+            },
+            required: true,
+            default: "",
+            doc: "width and height in texels",
+        },
+        Field {
+            key: "color",
+            ty: Ty::Object("fun(u: number, v: number): number, number?, number?"),
+            required: true,
+            default: "",
+            doc: "function that returns red, green and blue, or one number for all three, at the \
+                  centre of each texel; u grows to the right and v upwards, both from 0 to 1",
+        },
+        Field {
+            key: "linear",
+            ty: Ty::Bool,
+            required: false,
+            default: "false",
+            doc: "`true`: linear radiance without an upper bound, for environments and emission; \
+                  `false`: display values from 0 to 1, decoded from sRGB if the texture is a \
+                  colour",
+        },
+    ],
+};
+
+/// Options of `texture.lay`.
+pub const LAY: Table = Table {
+    name: "Lay",
+    doc: "Mapping of one texture on a surface, instead of that of its material.",
+    fields: &[
+        Field::optional(
+            "wrap",
+            Ty::OneOrMany(&Ty::Word(Wrap::NAMES)),
+            "repeat",
+            "treatment of coordinates outside 0 to 1; one word, or a list of those of u and v",
+        ),
+        Field::optional(
+            "filter",
+            Ty::Word(TextureFilter::NAMES),
+            "bilinear",
+            "interpolation between the centres of four texels, or the texel that is `nearest`",
+        ),
+        Field::optional(
+            "scale",
+            Ty::Nums {
+                len: 2,
+                min: -1e6,
+                max: 1e6,
+            },
+            "{ 1, 1 }",
+            "number of repetitions along u and v",
+        ),
+        Field::optional(
+            "rotation",
+            Ty::Num {
+                min: -1e6,
+                max: 1e6,
+            },
+            "0",
+            "rotation in degrees, applied after the scale",
+        ),
+        Field::optional(
+            "offset",
+            Ty::Nums {
+                len: 2,
+                min: -1e6,
+                max: 1e6,
+            },
+            "{ 0, 0 }",
+            "offset of u and v, applied last",
+        ),
+        Field::optional(
+            "second",
+            Ty::Bool,
+            "false",
+            "whether it uses the mesh's `second_uvs`",
+        ),
+    ],
+};
+
+/// Constructors of textures.
+pub const GLOBALS: &[ApiFn] = &[
+    ApiFn {
+        name: "texture.file",
+        params: &[Param {
+            name: "path",
+            ty: "string",
+            doc: "Image file, relative to the scene's folder.",
+        }],
+        returns: "Texture",
+        doc: "Returns a texture from an image file.",
+        call: file,
+    },
+    ApiFn {
+        name: "texture.paint",
+        params: &[Param {
+            name: "options",
+            ty: "Paint",
+            doc: "Size and colours.",
+        }],
+        returns: "Texture",
+        doc: "Returns a texture whose colours a function computes.",
+        call: paint,
+    },
+    ApiFn {
+        name: "texture.lay",
+        params: &[
+            Param {
+                name: "texture",
+                ty: "Texture|string",
+                doc: "Texture, or the name of an image file.",
+            },
+            Param {
+                name: "options",
+                ty: "Lay",
+                doc: "Mapping of the texture.",
+            },
+        ],
+        returns: "Texture",
+        doc: "Returns the same texture with another mapping, which replaces that of an earlier \
+              `texture.lay`.",
+        call: lay,
+    },
+];
+
+/// Lua object of a texture with its mapping.
+#[derive(Clone, Debug)]
+pub struct TextureObject {
+    /// Picture of the texture.
+    pub texture: Arc<TextureDesc>,
+    /// Mapping from texture coordinates to the picture.
+    pub lookup: Lookup,
+}
+
+impl TextureObject {
+    /// Creates a texture with the mapping of its material.
+    pub fn plain(texture: impl Into<Arc<TextureDesc>>) -> TextureObject {
+        TextureObject {
+            texture: texture.into(),
+            lookup: Lookup::default(),
+        }
+    }
+}
+
+impl UserData for TextureObject {
+    fn add_fields<F: UserDataFields<Self>>(fields: &mut F) {
+        fields.add_meta_field(KIND, "a texture");
+    }
+}
+
+/// Returns the texture of a Lua value: a texture object, or an image file named by a string. `None`
+/// for other values.
+///
+/// # Errors
+/// Returns an error if the image file cannot be read.
+pub fn texture_from_value(
+    shared: &Shared,
+    args: &Args,
+    value: &LuaValue,
+) -> Result<Option<TextureObject>, ScriptError> {
+    match value {
+        LuaValue::UserData(data) => Ok(data.borrow::<TextureObject>().ok().map(|t| t.clone())),
+        LuaValue::String(name) => Ok(Some(TextureObject::plain(read_image(
+            shared,
+            args,
+            &name.to_string_lossy(),
+        )?))),
+        _ => Ok(None),
+    }
+}
+
+/// Reads an image file below the scene's folder.
+fn read_image(shared: &Shared, args: &Args, name: &str) -> Result<Arc<TextureDesc>, ScriptError> {
+    let path = shared.folder.join(name);
+    let mut notes = Vec::new();
+    let read = shared
+        .watchdog
+        .pause_for(|| load::texture(&path, &mut notes));
+    let texture = read.map_err(|e| scene_error(shared, args, &e))?;
+    shared.scene.borrow_mut().notes.append(&mut notes);
+    Ok(Arc::new(texture))
+}
+
+fn file(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 1)?;
+    let name = args.text(shared, 0, "path")?;
+    create_object(
+        shared,
+        lua,
+        TextureObject::plain(read_image(shared, args, &name)?),
+    )
+}
+
+fn lay(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 2)?;
+    let Some(texture) = texture_from_value(shared, args, &args.get(0))? else {
+        return Err(args.wrong(shared, 0, "texture", "a texture or the name of an image"));
+    };
+    let table = args.table(shared, 1, "options")?;
+    let fields = strict::fields(&table, &LAY, "texture.lay", false)
+        .map_err(|e| args.locate_error(shared, e))?;
+    let value = |key: &str| fields.values.get(key);
+    let wrap = |v: &Value| {
+        Wrap::ALL
+            .into_iter()
+            .find(|wrap| v.as_str() == Some(wrap.name()))
+            .unwrap_or_default()
+    };
+    let wrap = match value("wrap") {
+        None => [Wrap::Repeat; 2],
+        Some(Value::List(words)) => match words.as_slice() {
+            [u, v] => [wrap(u), wrap(v)],
+            other => {
+                let problem = format!(
+                    "wrap: expected one word, or a list of two for u and v, found {} words",
+                    other.len()
+                );
+                return Err(args.error(shared, problem, None));
+            }
+        },
+        Some(word) => [wrap(word); 2],
+    };
+    let pair = |key: &str, default: f32| {
+        value(key).map_or(Vec2::splat(default), |v| Vec2::from(super::numbers::<2>(v)))
+    };
+    let angle = value("rotation")
+        .and_then(Value::as_f64)
+        .unwrap_or(0.0)
+        .to_radians() as f32;
+    let map = Affine2::from_scale_angle_translation(Vec2::ONE, angle, pair("offset", 0.0))
+        * Affine2::from_scale(pair("scale", 1.0));
+    let second = value("second") == Some(&Value::Bool(true));
+    let filter = TextureFilter::ALL
+        .into_iter()
+        .find(|filter| value("filter").and_then(Value::as_str) == Some(filter.name()));
+    let lookup = Lookup {
+        wrap,
+        filter: filter.unwrap_or_default(),
+        second,
+        map: (map != Affine2::IDENTITY).then_some(map),
+    };
+    create_object(shared, lua, TextureObject { lookup, ..texture })
+}
+
+fn paint(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+    args.at_most(shared, 1)?;
+    let table = args.table(shared, 0, "options")?;
+    let fields = strict::fields(&table, &PAINT, "texture.paint", false)
+        .map_err(|e| args.locate_error(shared, e))?;
+    let [width, height] = fields
+        .values
+        .get("size")
+        .map_or([1.0; 2], super::numbers)
+        .map(|n| n as u32);
+    let Some(LuaValue::Function(color)) = fields.objects.get("color") else {
+        return Err(args.error(shared, "color: expected a function of u and v", None));
+    };
+    let mut texels = Vec::with_capacity(width as usize * height as usize);
+    for y in 0..height {
+        for x in 0..width {
+            let u = (f64::from(x) + 0.5) / f64::from(width);
+            let v = 1.0 - (f64::from(y) + 0.5) / f64::from(height);
+            let found: Variadic<f64> = color.call((u, v)).map_err(|e| shared.convert(&e))?;
+            let rgb = match found.as_slice() {
+                [grey] => [*grey; 3],
+                [r, g, b] => [*r, *g, *b],
+                other => {
+                    let problem = format!(
+                        "the colour function returned {} numbers: expected one or three",
+                        other.len()
+                    );
+                    return Err(args.error(shared, problem, None));
+                }
+            };
+            if !rgb.iter().all(|c| c.is_finite()) {
+                return Err(args.error(
+                    shared,
+                    format!("the colour at u = {u}, v = {v} is not finite: {rgb:?}"),
+                    None,
+                ));
+            }
+            texels.push([rgb[0] as f32, rgb[1] as f32, rgb[2] as f32, 1.0]);
+        }
+    }
+    let texels = if fields.values.get("linear") == Some(&Value::Bool(true)) {
+        Texels::RgbaF32(texels)
+    } else {
+        let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
+        let bytes: Vec<[u8; 4]> = texels.into_iter().map(|t| t.map(byte)).collect();
+        Texels::Rgba8(bytes.into())
+    };
+    create_object(
+        shared,
+        lua,
+        TextureObject::plain(TextureDesc::new("", width, height, texels)),
+    )
+}

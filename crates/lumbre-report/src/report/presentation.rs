@@ -1,0 +1,54 @@
+//! Presentation of a study as its script sets it: labels and styles of series, and the tone map of
+//! pictures.
+
+use super::series::Series;
+use super::study::Study;
+use crate::exposure;
+use crate::plot::figure::SeriesEntry;
+use crate::plot::style::{Colour, style};
+use lumbre_light::film::Image;
+use lumbre_metrics::tonemap::Tonemap;
+use lumbre_night::experiment::night::Night;
+use lumbre_night::experiment::night::run::Run;
+
+impl Study<'_> {
+    /// Returns the colour that the script gives to a run's series by one of its compared values.
+    pub(super) fn series_colour(&self, night: &Night, run: &Run) -> Option<Colour> {
+        let compared = self.by.iter().filter_map(|axis| run.axis_value(axis));
+        let mut values = compared.chain([run.integrator.clone()]);
+        values.find_map(|value| night.plan.report.colour(&value).and_then(Colour::parse))
+    }
+
+    /// Returns the name that the script gives to an axis value, or the value.
+    pub fn name(&self, value: &str) -> String {
+        let night = self.nights.first();
+        night.map_or_else(|| value.to_owned(), |night| night.plan.report.name(value))
+    }
+
+    /// Returns the names of the values of a facet.
+    pub fn facet_values(&self, facet: usize) -> Vec<String> {
+        let values = self.facets[facet].iter();
+        values.map(|value| self.name(value)).collect()
+    }
+
+    /// Returns the tone map of pictures in figures, if the script sets one.
+    pub fn display(&self) -> Option<Tonemap> {
+        self.nights
+            .first()
+            .and_then(|night| night.plan.report.display)
+    }
+
+    /// Returns the tone map at which a figure shows a picture and those beside it.
+    pub fn display_of(&self, image: &Image) -> Tonemap {
+        self.display().unwrap_or_else(|| exposure::automatic(image))
+    }
+
+    /// Returns the series as figures show them.
+    pub fn entries(&self) -> Vec<SeriesEntry> {
+        let entry = |(index, series): (usize, &Series)| SeriesEntry {
+            label: series.full_label(),
+            style: style(index).coloured(series.colour),
+        };
+        self.series.iter().enumerate().map(entry).collect()
+    }
+}

@@ -1,0 +1,90 @@
+//! Export of lights without a surface, and of the environment.
+
+use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
+
+use super::{SceneWriter, identifier, scene_note};
+use lumbre_light::scene::SceneError;
+use lumbre_light::scene::desc::{ConeEdge, EnvironmentSource, LightKind};
+
+impl SceneWriter<'_> {
+    /// Writes the lights without a surface.
+    pub(super) fn lights(&mut self) {
+        for light in &self.desc.lights {
+            let id = self.ids.allocate(&identifier(&light.name));
+            let xml = &mut self.xml;
+            match light.kind {
+                LightKind::Point {
+                    position,
+                    intensity,
+                } => {
+                    xml.open("emitter", &[("type", "point"), ("id", &id)]);
+                    xml.vector("point", "position", position);
+                    xml.rgb("intensity", intensity);
+                }
+                LightKind::Spot {
+                    position,
+                    direction,
+                    intensity,
+                    cone,
+                } => {
+                    xml.open("emitter", &[("type", "spot"), ("id", &id)]);
+                    let axis = direction.normalize_or(Vec3::Z);
+                    let matrix = DMat3::from_quat(DQuat::from_rotation_arc(
+                        DVec3::Z,
+                        axis.as_dvec3().normalize_or(DVec3::Z),
+                    ));
+                    xml.transform(
+                        "to_world",
+                        &DAffine3::from_mat3_translation(matrix, position.as_dvec3()),
+                    );
+                    xml.rgb("intensity", intensity);
+                    xml.value("float", "cutoff_angle", cone.cutoff_deg);
+                    xml.value("float", "beam_width", cone.beam_deg);
+                    if cone.edge == ConeEdge::Smooth {
+                        let place = format!("lights.{}", light.name);
+                        self.notes.push(scene_note(
+                            &place,
+                            "the falloff of the cone is linear in the angle in Mitsuba",
+                        ));
+                    }
+                }
+                LightKind::Directional {
+                    direction,
+                    irradiance,
+                } => {
+                    xml.open("emitter", &[("type", "directional"), ("id", &id)]);
+                    xml.vector("vector", "direction", direction);
+                    xml.rgb("irradiance", irradiance);
+                }
+            }
+            xml.close();
+        }
+    }
+
+    /// Writes the environment.
+    pub(super) fn environment(&mut self) -> Result<(), SceneError> {
+        let Some(environment) = &self.desc.environment else {
+            return Ok(());
+        };
+        match &environment.source {
+            EnvironmentSource::Color(color) => {
+                self.xml.open("emitter", &[("type", "constant")]);
+                self.xml.rgb("radiance", *color * environment.scale);
+            }
+            EnvironmentSource::Map(map) => {
+                let file = self.textures.environment_map(map, &mut self.folder)?;
+                self.xml.open("emitter", &[("type", "envmap")]);
+                self.xml.value("string", "filename", &file);
+                self.xml.value("float", "scale", environment.scale);
+                if environment.rotation_deg != 0.0 {
+                    let angle = environment.rotation_deg.to_string();
+                    self.xml.open("transform", &[("name", "to_world")]);
+                    self.xml.leaf("rotate", &[("y", "1"), ("angle", &angle)]);
+                    self.xml.close();
+                }
+            }
+        }
+        self.xml.close();
+        Ok(())
+    }
+}

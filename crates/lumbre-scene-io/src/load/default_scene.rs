@@ -1,0 +1,149 @@
+//! Default scene of a mesh file: a framing camera, and smooth normals for meshes without any.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::{BVec3, DVec3, Vec3};
+
+use super::scn;
+use lumbre_light::scene::desc::{
+    CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Transform,
+};
+
+/// Number of vertices up to which a bounding box is computed from all vertices; beyond, bounding
+/// boxes of meshes are transformed instead.
+const MAX_VISITED: usize = 1 << 24;
+
+/// Coordinate of a camera beyond which its target is farther than one unit away.
+const FAR: f64 = 1e4;
+
+/// Returns a scene of one mesh with its materials, viewed by a camera that frames it.
+pub fn scene(path: &Path, mesh: MeshDesc, materials: Vec<MaterialDesc>) -> SceneDesc {
+    let name = path
+        .file_stem()
+        .map_or_else(|| "mesh".to_owned(), |s| s.to_string_lossy().into_owned());
+    let entities = vec![EntityDesc {
+        name,
+        transform: Transform::default(),
+        material: None,
+        anisotropic_direction: None,
+        shape: ShapeDesc::Mesh(Arc::new(mesh)),
+    }];
+    SceneDesc {
+        views: Vec::new(),
+        resolution: scn::DEFAULT_RESOLUTION,
+        max_depth: scn::DEFAULT_MAX_DEPTH,
+        camera: framing_camera(bounds(&entities)),
+        materials: materials.into(),
+        entities: entities.into(),
+        lights: Vec::new(),
+        environment: None,
+    }
+}
+
+/// Returns the bounding box of some entities in the world; `None` without any vertex. Of many
+/// vertices in all, only the corners of the bounding boxes of meshes are transformed.
+pub fn bounds(entities: &[EntityDesc]) -> Option<[Vec3; 2]> {
+    let mut bounds: Option<[Vec3; 2]> = None;
+    let mut visited = 0;
+    // Bounding boxes of meshes in object space, by address.
+    let mut boxes: BTreeMap<*const MeshDesc, [Vec3; 2]> = BTreeMap::new();
+    for entity in entities {
+        let world = entity.transform.to_world();
+        let mut extend = |low: Vec3, high: Vec3| {
+            bounds = Some(bounds.map_or([low, high], |[l, h]| [l.min(low), h.max(high)]));
+        };
+        let mesh = match &entity.shape {
+            ShapeDesc::Mesh(mesh) => mesh,
+            ShapeDesc::Sphere { radius } => {
+                let center = world.translation.as_vec3();
+                extend(center - *radius, center + *radius);
+                continue;
+            }
+        };
+        let mut extend_by = |p: Vec3| {
+            let p = world.transform_point3(p.as_dvec3()).as_vec3();
+            extend(p, p);
+        };
+        visited += mesh.positions.len();
+        if visited <= MAX_VISITED {
+            mesh.positions.iter().copied().for_each(extend_by);
+            continue;
+        }
+        let Some(first) = mesh.positions.first() else {
+            continue;
+        };
+        let around = |[low, high]: [Vec3; 2], p: &Vec3| [low.min(*p), high.max(*p)];
+        let own = || mesh.positions.iter().fold([*first; 2], around);
+        let box_of_mesh = boxes.entry(Arc::as_ptr(mesh)).or_insert_with(own);
+        corners(*box_of_mesh).for_each(&mut extend_by);
+    }
+    bounds
+}
+
+/// Returns the corners of a box.
+pub fn corners([low, high]: [Vec3; 2]) -> impl Iterator<Item = Vec3> {
+    let is_low = |i: u32| BVec3::new(i & 1 > 0, i & 2 > 0, i & 4 > 0);
+    (0..8).map(move |i| Vec3::select(is_low(i), low, high))
+}
+
+/// Returns a camera on the +z side of a box that sees all of it, or of the unit sphere if there is
+/// no box.
+pub fn framing_camera(bounds: Option<[Vec3; 2]>) -> CameraDesc {
+    let fov_deg: f32 = 45.0;
+    let (center, radius) = match bounds {
+        None => (Vec3::ZERO, 1.0),
+        Some([low, high]) => ((low + high) / 2.0, ((high - low).length() / 2.0).max(1e-6)),
+    };
+    let distance = 1.1 * radius / (fov_deg.to_radians() / 2.0).sin();
+    CameraDesc {
+        position: center + Vec3::Z * distance,
+        target: center,
+        optics: Optics::pinhole(fov_deg),
+        ..CameraDesc::default()
+    }
+}
+
+/// Returns a point that a camera at `position` looks at in the unit direction `forward`: one unit
+/// away, or farther away where the coordinates of the position are too large for `f32` to represent
+/// such a difference precisely.
+pub fn target(position: DVec3, forward: DVec3) -> Vec3 {
+    let near = || (position + forward).as_vec3();
+    distant_target(position, forward).unwrap_or_else(near)
+}
+
+/// Returns the point that a camera far from the origin looks at: see [`target`]. `None` for a
+/// camera near the origin.
+pub fn distant_target(position: DVec3, forward: DVec3) -> Option<Vec3> {
+    let extent = position.abs().max_element();
+    (extent > FAR).then(|| (position + extent * forward).as_vec3())
+}
+
+/// Returns smooth vertex normals: those of [`mean_normals`], or +y.
+pub fn smooth_normals(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Vec3> {
+    mean_normals(positions, triangles)
+        .map(|n| n.unwrap_or(Vec3::Y))
+        .collect()
+}
+
+/// Returns the mean of the normals of adjacent triangles at every vertex, weighted by their angles
+/// at the vertex [Thürmer & Wüthrich 1998]; `None` if they cancel, or no triangle has an area.
+pub fn mean_normals(
+    positions: &[Vec3],
+    triangles: &[[u32; 3]],
+) -> impl Iterator<Item = Option<Vec3>> + use<> {
+    let mut sums = vec![DVec3::ZERO; positions.len()];
+    for corners in triangles {
+        let p = corners.map(|i| positions[i as usize].as_dvec3());
+        let Some(n) = (p[1] - p[0]).cross(p[2] - p[0]).try_normalize() else {
+            continue;
+        };
+        for k in 0..3 {
+            let (a, b) = (p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
+            sums[corners[k] as usize] += n * a.angle_between(b);
+        }
+    }
+    sums.into_iter()
+        .map(|n| n.try_normalize().map(|n| n.as_vec3()))
+}

@@ -1,0 +1,157 @@
+//! Adapters: surfaces around other surfaces.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+
+use super::super::texture::LoadedTexture;
+use super::super::tree::{Property, XmlObject};
+use super::BsdfReader;
+use crate::model_differences;
+use lumbre_light::scene::SceneError;
+use lumbre_light::scene::desc::{MaskMode, MaterialDesc, Model, TextureDesc, TextureSlot};
+
+impl BsdfReader<'_> {
+    /// Converts the first surface inside an adapter.
+    pub(super) fn nested(
+        &mut self,
+        o: &XmlObject,
+        two_sided: bool,
+        depth: usize,
+    ) -> Result<(), SceneError> {
+        let inside: Vec<_> = o.children("bsdf").cloned().collect();
+        if inside.len() > 1 {
+            self.notes.push(o.note(format!(
+                "only the first of the {} surfaces of `{}` is used",
+                inside.len(),
+                o.plugin
+            )));
+        }
+        match inside.first() {
+            Some(first) => self.surface(first, two_sided, depth + 1),
+            None => Err(o.error(format!("a `{}` needs a surface inside", o.plugin))),
+        }
+    }
+
+    /// Converts a `blendbsdf` to a composed material: its `weight` is that of the second surface.
+    pub(super) fn blend(
+        &mut self,
+        o: &XmlObject,
+        two_sided: bool,
+        depth: usize,
+    ) -> Result<(), SceneError> {
+        let inside: Vec<_> = o.children("bsdf").cloned().collect();
+        if inside.len() != 2 {
+            return Err(o.error(format!(
+                "a `blendbsdf` needs exactly two surfaces inside, found {}",
+                inside.len()
+            )));
+        }
+        for surface in &inside {
+            let name = self.names.allocate_numbered(&self.m.name, 1);
+            let mut reader = BsdfReader {
+                m: MaterialDesc::new(&name),
+                parts: Vec::new(),
+                names: self.names,
+                colored: self.colored,
+                textures: self.textures,
+                notes: self.notes,
+            };
+            reader.surface(surface, two_sided, depth + 1)?;
+            let BsdfReader { m, parts, .. } = reader;
+            if m.texture(TextureSlot::Mask).is_some() {
+                self.notes
+                    .push(surface.note("a mask inside a `blendbsdf` is ignored"));
+            }
+            self.parts.extend(parts);
+            self.parts.push(m);
+            self.m.parts.push(name);
+        }
+        let second = self.unit_number(o, "weight", 0.5, Some(TextureSlot::Weights))?;
+        self.m.weights = vec![1.0 - second, second];
+        let is_smooth = |m: &MaterialDesc| {
+            let of_interface = !matches!(m.model, Model::Disney | Model::Lambert);
+            of_interface && m.roughness == 0.0 && m.texture(TextureSlot::Roughness).is_none()
+        };
+        if self.parts.iter().any(is_smooth) {
+            self.notes.push(o.note(model_differences::SMOOTH_BLEND));
+        }
+        Ok(())
+    }
+
+    /// Sets the texture of a slot in the material and in all its parts, with a note if its mapping is
+    /// not supported.
+    fn set_texture_of_parts(&mut self, o: &XmlObject, slot: TextureSlot, read: &LoadedTexture) {
+        for m in self.parts.iter_mut().chain([&mut self.m]) {
+            if let Err(e) = read.clone().apply_to(m, slot) {
+                self.notes.push(o.note(e.to_string()));
+            }
+        }
+    }
+
+    /// Reads the height map of a `bumpmap`, whose texture may have any name.
+    pub(super) fn bump_map(&mut self, o: &XmlObject) -> Result<(), SceneError> {
+        let map = o.children("texture").next().cloned();
+        let height = o.number("scale", 1.0)?;
+        if height.abs() > 1e6 {
+            return Err(o.error(format!(
+                "`scale` must be between -1e6 and 1e6, found {height}"
+            )));
+        }
+        if let Some(texture) = self.optional_texture(map)? {
+            if !texture.is_interpolated() {
+                self.notes.push(o.note(model_differences::STEPPED_BUMPS));
+                return Ok(());
+            }
+            self.notes.push(o.note(model_differences::BUMPS));
+            let heights = self.textures.heights(o, texture)?;
+            for m in self.parts.iter_mut().chain([&mut self.m]) {
+                m.bump_height = height as f32;
+            }
+            self.set_texture_of_parts(o, TextureSlot::Bump, &heights);
+        }
+        Ok(())
+    }
+
+    /// Reads the texture of a `normalmap`. The second component of its normals is along growing v, and
+    /// v grows from the top of an image.
+    pub(super) fn normal_map(&mut self, o: &XmlObject) -> Result<(), SceneError> {
+        let map = match o.property("normalmap").or_else(|| o.property("")) {
+            Some(Property::Object(t)) if t.class == "texture" => Some(t.clone()),
+            _ => o.children("texture").next().cloned(),
+        };
+        if let Some(texture) = self.optional_texture(map)? {
+            self.notes.push(o.note(model_differences::NORMALS));
+            let linear = self.textures.linear(o, texture)?;
+            let texture = self.textures.green_reversed(o, linear)?;
+            self.set_texture_of_parts(o, TextureSlot::Normal, &texture);
+        }
+        Ok(())
+    }
+
+    /// Reads the opacity of a `mask`. A constant becomes a mask texture of one texel, which accepts
+    /// a hit with that probability.
+    pub(super) fn mask(&mut self, o: &XmlObject) -> Result<(), SceneError> {
+        self.m.mask_mode = MaskMode::Blend;
+        self.notes.push(o.note(
+            "holes of a mask are not path edges here, but in Mitsuba: paths reach further for the same \
+             `max_depth`",
+        ));
+        if let Some(Property::Object(t)) = o.property("opacity") {
+            if let Some(read) = self.number_texture(t)? {
+                self.set_texture(o, TextureSlot::Mask, read);
+            }
+            return Ok(());
+        }
+        let opacity = o.color("opacity")?.unwrap_or(Vec3::splat(0.5));
+        if opacity.max_element() != opacity.min_element() {
+            self.notes.push(
+                o.note("coloured opacity is not supported; the mean of its channels is used"),
+            );
+        }
+        let grey = (opacity.element_sum() / 3.0).clamp(0.0, 1.0);
+        self.m
+            .set_texture(TextureSlot::Mask, Some(Arc::new(TextureDesc::grey(grey))));
+        Ok(())
+    }
+}

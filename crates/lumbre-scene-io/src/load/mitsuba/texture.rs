@@ -1,0 +1,310 @@
+//! Textures of Mitsuba scenes: `bitmap` and `checkerboard`.
+
+use std::rc::Rc;
+use std::sync::Arc;
+
+use glam::{Affine2, DAffine3, DVec3, Mat2, Vec2, Vec3};
+
+use super::tree::{Property, XmlObject};
+use crate::load::images::{self, ImageCache};
+use crate::load::{MissingTextures, with_lenient_hint};
+use lumbre_light::scene::compile::srgb_to_linear;
+use lumbre_light::scene::desc::{
+    Lookup, MaterialDesc, NoInverse, Texels, TextureDesc, TextureFilter, TextureSlot, Wrap,
+};
+use lumbre_light::scene::{Note, SceneError};
+
+/// A texture in the conventions of Mitsuba: coordinates start at the top left, before `to_uv`.
+#[derive(Clone)]
+pub(super) struct LoadedTexture {
+    /// Image of the texture.
+    pub image: Arc<TextureDesc>,
+    to_uv: DAffine3,
+    wrap: [Wrap; 2],
+    filter: TextureFilter,
+}
+
+impl LoadedTexture {
+    /// Returns whether values are interpolated between texels.
+    pub fn is_interpolated(&self) -> bool {
+        self.filter == TextureFilter::Bilinear
+    }
+
+    /// Sets the texture of a material's slot. A uniform scale and the offset of the first texture
+    /// become the material's own; the rest of `to_uv` is stored with the texture.
+    ///
+    /// # Errors
+    /// Fails if the map of the first texture is not invertible; the texture is then mapped like the
+    /// first one.
+    pub fn apply_to(self, m: &mut MaterialDesc, slot: TextureSlot) -> Result<(), NoInverse> {
+        let (to, t) = (
+            self.to_uv.matrix3.as_mat3(),
+            self.to_uv.translation.as_vec3(),
+        );
+        // For coordinates that start at the bottom left: substitute v = 1 - v' on both sides of u'
+        // = a u + b v + tx, v' = c u + d v + ty.
+        let (a, b, c, d) = (to.x_axis.x, to.y_axis.x, to.x_axis.y, to.y_axis.y);
+        let uniform = b == 0.0 && c == 0.0 && (a - d).abs() <= 1e-6 * a.abs();
+        let own = Affine2 {
+            matrix2: Mat2::from_cols_array(&[a, -c, -b, if uniform { a } else { d }]),
+            translation: Vec2::new(b + t.x, 1.0 - d - t.y),
+        };
+        if m.textures.is_empty() && uniform {
+            (m.tiling, m.uv_offset) = (a, own.translation);
+        }
+        let tiling = Affine2::from_scale_angle_translation(Vec2::splat(m.tiling), 0.0, m.uv_offset);
+        m.set_texture(slot, Some(self.image));
+        let map = Lookup::relative_to(tiling, own);
+        m.set_lookup(
+            slot,
+            Lookup {
+                wrap: self.wrap,
+                filter: self.filter,
+                second: false,
+                map: map.unwrap_or(None),
+            },
+        );
+        map.map(|_| ())
+    }
+}
+
+/// Reader of textures: the images read or generated so far.
+pub(super) struct TextureReader {
+    images: ImageCache,
+    missing: MissingTextures,
+}
+
+impl TextureReader {
+    /// Creates a reader that has read nothing yet.
+    pub fn new(missing: MissingTextures) -> TextureReader {
+        TextureReader {
+            images: ImageCache::default(),
+            missing,
+        }
+    }
+
+    /// Converts a texture for a slot of numbers: Mitsuba decodes 8-bit texels from sRGB unless they
+    /// are `raw`, while such slots use them as stored.
+    pub fn linear(
+        &mut self,
+        o: &XmlObject,
+        read: LoadedTexture,
+    ) -> Result<LoadedTexture, SceneError> {
+        match read.image.texels {
+            Texels::Rgba8(_) => self.mapped(o, read, "linear", srgb_to_linear),
+            Texels::RgbaF32(_) => Ok(read),
+        }
+    }
+
+    /// Converts a texture to a height map: the luminance of its linear texels.
+    pub fn heights(
+        &mut self,
+        o: &XmlObject,
+        read: LoadedTexture,
+    ) -> Result<LoadedTexture, SceneError> {
+        let linear = self.linear(o, read)?;
+        let image = self
+            .images
+            .heights(&linear.image)
+            .map_err(|problem| o.error(problem))?;
+        Ok(LoadedTexture { image, ..linear })
+    }
+
+    /// Reverses the second component of the normals of a map.
+    pub fn green_reversed(
+        &mut self,
+        o: &XmlObject,
+        read: LoadedTexture,
+    ) -> Result<LoadedTexture, SceneError> {
+        let reverse = |[r, g, b, a]: [f32; 4]| [r, 1.0 - g, b, a];
+        let image = self
+            .images
+            .derived(&read.image, "green reversed", reverse)
+            .map_err(|problem| o.error(problem))?;
+        Ok(LoadedTexture { image, ..read })
+    }
+
+    /// Applies a function to every channel; `how` names it.
+    pub fn mapped(
+        &mut self,
+        o: &XmlObject,
+        read: LoadedTexture,
+        how: &str,
+        f: fn(f32) -> f32,
+    ) -> Result<LoadedTexture, SceneError> {
+        let image = self
+            .images
+            .derived(&read.image, how, |texel| texel.map(f))
+            .map_err(|problem| o.error(problem))?;
+        Ok(LoadedTexture { image, ..read })
+    }
+
+    /// Reads a texture. Returns `None`, with a note, if it is not supported, or cannot be read and
+    /// the policy allows it.
+    pub fn read(
+        &mut self,
+        o: &Rc<XmlObject>,
+        notes: &mut Vec<Note>,
+    ) -> Result<Option<LoadedTexture>, SceneError> {
+        let to_uv = uv_transform(o)?;
+        match o.plugin.as_str() {
+            "bitmap" => self.bitmap(o, to_uv, notes),
+            "checkerboard" => Ok(Some(LoadedTexture {
+                image: checkerboard(o, notes)?,
+                to_uv,
+                wrap: [Wrap::Repeat; 2],
+                filter: TextureFilter::Nearest,
+            })),
+            other => {
+                let shown = super::values::truncated(other);
+                notes.push(o.note(format!("the texture `{shown}` is not supported; ignored")));
+                o.mark_all_read();
+                Ok(None)
+            }
+        }
+    }
+
+    /// Reads a `bitmap`.
+    fn bitmap(
+        &mut self,
+        o: &XmlObject,
+        to_uv: DAffine3,
+        notes: &mut Vec<Note>,
+    ) -> Result<Option<LoadedTexture>, SceneError> {
+        let Some(file) = o.text("filename")? else {
+            return Err(o.error("a bitmap needs a `filename`"));
+        };
+        let decoding = decoding(o)?;
+        let filter = match o.text("filter_type")? {
+            Some("nearest") => TextureFilter::Nearest,
+            None | Some("bilinear" | "trilinear" | "ewa") => TextureFilter::Bilinear,
+            Some(_) => {
+                notes.push(o.note("this `filter_type` is not supported; `bilinear` is used"));
+                TextureFilter::Bilinear
+            }
+        };
+        let both = wrap_mode(o, "wrap_mode", Wrap::Repeat, notes)?;
+        let wrap = [
+            wrap_mode(o, "wrap_mode_u", both, notes)?,
+            wrap_mode(o, "wrap_mode_v", both, notes)?,
+        ];
+        o.mark_read(&["format", "accel", "cache", "max_anisotropy"]);
+        Ok(self
+            .image(o, file, decoding, notes)?
+            .map(|image| LoadedTexture {
+                image,
+                to_uv,
+                wrap,
+                filter,
+            }))
+    }
+
+    /// Returns the image of a file beside the scene. Texels that are not in sRGB are converted to
+    /// floats, which no slot decodes.
+    pub fn image(
+        &mut self,
+        o: &XmlObject,
+        file: &str,
+        decoding: Decoding,
+        notes: &mut Vec<Note>,
+    ) -> Result<Option<Arc<TextureDesc>>, SceneError> {
+        let path = o.find_file(file);
+        let image = match self.images.load(&path, notes) {
+            Ok(image) => image,
+            Err(e) if self.missing == MissingTextures::Note => {
+                notes.push(o.note(format!("{e}; the texture is ignored")));
+                return Ok(None);
+            }
+            Err(e) => return Err(with_lenient_hint(o.error(e.to_string()))),
+        };
+        let eight_bits = matches!(image.texels, Texels::Rgba8(_));
+        let decoded = match decoding {
+            Decoding::Srgb => return Ok(Some(image)),
+            Decoding::Gamma(gamma) if gamma != 1.0 && eight_bits => {
+                let power = |[r, g, b, a]: [f32; 4]| {
+                    let [r, g, b] = [r, g, b].map(|x| x.powf(gamma));
+                    [r, g, b, a]
+                };
+                self.images
+                    .derived(&image, &format!("gamma {gamma}"), power)
+            }
+            Decoding::Gamma(_) => self.images.derived(&image, "raw", |texel| texel),
+        };
+        decoded.map(Some).map_err(|problem| o.error(problem))
+    }
+}
+
+/// Decoding of the 8-bit texels of an image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Decoding {
+    /// They are in sRGB where a slot holds colours.
+    Srgb,
+    /// They are powers with this exponent of the texels as stored; 1 is linear.
+    Gamma(f32),
+}
+
+/// Returns the decoding of an image: `raw`, or `gamma` of version 0.6, where 1 is linear and -1 is
+/// that of the file.
+pub(super) fn decoding(o: &XmlObject) -> Result<Decoding, SceneError> {
+    let raw = o.flag("raw", false)?;
+    let gamma = o.number("gamma", -1.0)?;
+    if raw {
+        return Ok(Decoding::Gamma(1.0));
+    }
+    if gamma <= 0.0 {
+        return Ok(Decoding::Srgb);
+    }
+    if gamma > 100.0 {
+        return Err(o.error(format!("`gamma` must be at most 100, found {gamma}")));
+    }
+    Ok(Decoding::Gamma(gamma as f32))
+}
+
+/// Returns the transform of texture coordinates: `to_uv`, or factors and offsets of version 0.6.
+fn uv_transform(o: &XmlObject) -> Result<DAffine3, SceneError> {
+    let [u_scale, v_scale, u_offset, v_offset] = [
+        ("uscale", 1.0),
+        ("vscale", 1.0),
+        ("uoffset", 0.0),
+        ("voffset", 0.0),
+    ]
+    .map(|(name, default)| o.number(name, default));
+    let scale = DVec3::new(u_scale?, v_scale?, 1.0);
+    let offset = DVec3::new(u_offset?, v_offset?, 0.0);
+    let own = DAffine3::from_translation(offset) * DAffine3::from_scale(scale);
+    Ok(o.transform("to_uv")? * own)
+}
+
+/// Reads the wrap mode of both coordinates or of one.
+fn wrap_mode(
+    o: &XmlObject,
+    key: &str,
+    default: Wrap,
+    notes: &mut Vec<Note>,
+) -> Result<Wrap, SceneError> {
+    let Some(mode) = o.text(key)? else {
+        return Ok(default);
+    };
+    let known = Wrap::ALL.into_iter().find(|wrap| wrap.name() == mode);
+    Ok(known.unwrap_or_else(|| {
+        notes.push(o.note(format!(
+            "`{key}` must be `repeat`, `mirror` or `clamp`; `repeat` is used"
+        )));
+        Wrap::Repeat
+    }))
+}
+
+/// Returns the image of a `checkerboard`.
+fn checkerboard(o: &XmlObject, notes: &mut Vec<Note>) -> Result<Arc<TextureDesc>, SceneError> {
+    let mut colors = [Vec3::splat(0.4), Vec3::splat(0.2)];
+    for (color, key) in colors.iter_mut().zip(["color0", "color1"]) {
+        if let Some(Property::Object(_)) = o.property(key) {
+            notes.push(o.note(format!(
+                "textures as `{key}` of a checkerboard are not supported; ignored"
+            )));
+        } else if let Some(given) = o.color(key)? {
+            *color = given;
+        }
+    }
+    Ok(images::checkerboard(colors))
+}

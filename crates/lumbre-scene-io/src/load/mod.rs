@@ -1,0 +1,407 @@
+//! Scene formats: one loader and one row of [`FORMATS`] each.
+//!
+//! Every loader returns a [`SceneDesc`] and [`Note`]s about the parts of a file that it cannot
+//! represent. Sizes are checked before anything is read, and memory is bounded by the size of the
+//! files.
+
+pub(super) mod default_scene;
+mod environment;
+pub mod files;
+mod film;
+mod folder;
+mod gltf;
+mod images;
+mod materials;
+mod metals;
+mod mitsuba;
+mod obj;
+pub mod openexr;
+mod packed;
+mod pbrt;
+mod ply;
+mod polygon;
+mod scn;
+mod spectrum;
+mod unknown;
+
+pub use images::load as texture;
+pub(crate) use pbrt::environment_square;
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use crate::stage::{self, Stage};
+use lumbre_light::scene::{Note, SceneDesc, SceneError, note};
+
+/// A row of [`FORMATS`]: one scene format.
+#[derive(Debug)]
+pub struct FormatRow {
+    /// Short name of the format.
+    pub name: &'static str,
+    /// File extensions in lower case, without the dot.
+    pub extensions: &'static [&'static str],
+    /// Description of the format, in a sentence.
+    pub doc: &'static str,
+    /// Returns whether the first bytes of a file without a known extension look like this format.
+    pub sniff: fn(&[u8]) -> bool,
+    /// Reads a file of this format.
+    pub load: Loader,
+    /// Reads a file with values for variables that it names, where the format has any.
+    pub load_with_variables: Option<VariablesLoader>,
+    /// Whether files are usually models without lights. Those get a [studio](crate::stage).
+    pub is_model: bool,
+    /// Supported elements or keys.
+    pub supported: &'static [SupportedElement],
+}
+
+/// A row of a format's table of supported elements or keys.
+#[derive(Clone, Copy, Debug)]
+pub struct SupportedElement {
+    /// Names in the format, each between backticks, or a description of the remaining elements.
+    pub name: &'static str,
+    /// Result of loading the element; empty if it is not supported.
+    pub support: &'static str,
+    /// Parts that become a note or an error instead.
+    pub limits: &'static str,
+}
+
+/// Loader of a scene file.
+pub type Loader = fn(&Path, MissingTextures) -> Result<(SceneDesc, Vec<Note>), SceneError>;
+
+/// Values of variables of a scene file, by name.
+pub type Variables = BTreeMap<String, String>;
+
+/// Loader of a scene file with values for its variables. A variable that the file does not name is an
+/// error.
+pub type VariablesLoader =
+    fn(&Path, MissingTextures, &Variables) -> Result<(SceneDesc, Vec<Note>), SceneError>;
+
+/// Policy for a material whose texture cannot be read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MissingTextures {
+    /// Loading fails with an error that names the material and the file.
+    #[default]
+    Fail,
+    /// The parameter keeps its constant value, with a [`Note`] that names the material and the
+    /// file.
+    Note,
+}
+
+/// Adds a hint at `--lenient` to an error about a texture.
+fn with_lenient_hint(e: SceneError) -> SceneError {
+    match e {
+        SceneError::Malformed {
+            file,
+            place,
+            problem,
+        } => SceneError::Malformed {
+            file,
+            place,
+            problem: format!(
+                "{problem} (pass `--lenient` to use the material's constant value instead)"
+            ),
+        },
+        other => other,
+    }
+}
+
+/// Every scene format, in the order in which they are tried on files without a known extension.
+pub const FORMATS: &[FormatRow] = &[
+    FormatRow {
+        name: "gltf",
+        extensions: &["gltf", "glb"],
+        doc: "glTF 2.0: nodes, meshes, cameras, point, spot and directional lights, \
+              metallic-roughness materials with extensions.",
+        sniff: gltf::sniff,
+        load: gltf::load,
+        load_with_variables: None,
+        is_model: true,
+        supported: gltf::SUPPORTED,
+    },
+    FormatRow {
+        name: "folder",
+        extensions: &["json"],
+        doc: "Scene folders of thesis S1 (docs/inside/transport.md): scene.json with Objects/, Textures/ \
+              and HDRI/.",
+        sniff: folder::sniff,
+        load: folder::load,
+        load_with_variables: None,
+        is_model: false,
+        supported: folder::SUPPORTED,
+    },
+    FormatRow {
+        name: "scn",
+        extensions: &["scn"],
+        doc: "JSON scenes of the vkraytracing program: camera, Disney materials, OBJ meshes and \
+              spheres.",
+        sniff: scn::sniff,
+        load: scn::load,
+        load_with_variables: None,
+        is_model: false,
+        supported: scn::SUPPORTED,
+    },
+    FormatRow {
+        name: "obj",
+        extensions: &["obj"],
+        doc: "A Wavefront OBJ mesh with the materials of its .mtl files, viewed by a camera that \
+              frames it.",
+        sniff: obj::sniff,
+        load: obj::load,
+        load_with_variables: None,
+        is_model: true,
+        supported: obj::SUPPORTED,
+    },
+    FormatRow {
+        name: "ply",
+        extensions: &["ply"],
+        doc: "A PLY mesh, ASCII or binary, viewed by a camera that frames it.",
+        sniff: ply::sniff,
+        load: ply::load,
+        load_with_variables: None,
+        is_model: true,
+        supported: ply::SUPPORTED,
+    },
+    FormatRow {
+        name: "mitsuba",
+        extensions: &["xml"],
+        doc: "Scenes of Mitsuba 3 in XML, and of Mitsuba 0.5 and 0.6: cameras, shapes, surfaces, \
+              textures, lights.",
+        sniff: mitsuba::sniff,
+        load: mitsuba::load,
+        load_with_variables: Some(mitsuba::load_with_variables),
+        is_model: false,
+        supported: mitsuba::SUPPORTED,
+    },
+    FormatRow {
+        name: "pbrt",
+        extensions: &["pbrt"],
+        doc: "Scenes of pbrt, versions 4 and 3: cameras, shapes, instances, materials, textures, \
+              lights.",
+        sniff: pbrt::sniff,
+        load: pbrt::load,
+        load_with_variables: None,
+        is_model: false,
+        supported: pbrt::SUPPORTED,
+    },
+];
+
+/// Note on a model in which nothing emits light.
+const STUDIO: &str = "nothing in this model emits light: it stands in a studio with a ground, an area \
+                      light and a dim environment. The scene option `stage` selects `studio`, \
+                      `white` (radiance 1 from everywhere) or `none`";
+
+/// Number of bytes that are read to recognise the format of a file.
+const SNIFF_BYTES: u64 = 4096;
+
+/// Loads a scene file of any supported format, selected by its extension or, if that is unknown, by
+/// its first bytes.
+///
+/// # Errors
+/// Fails for a file that cannot be read, has no supported format, or violates its format, and for a
+/// mesh or texture that it refers to and that has one of these faults.
+pub fn load(path: &Path) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+    load_with(path, MissingTextures::Fail)
+}
+
+/// Loads a scene file like [`load`], with a policy for textures that cannot be read. Notes with
+/// equal messages beyond the first few are counted, not listed.
+///
+/// # Errors
+/// Fails like [`load`]; `missing` may exempt textures of materials.
+pub fn load_with(
+    path: &Path,
+    missing: MissingTextures,
+) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+    let (_, desc, notes) = load_any(path, missing, &Variables::new())?;
+    Ok((desc, notes))
+}
+
+/// Loads a scene file like [`load_with`] with values for its variables; also returns its format.
+fn load_any(
+    path: &Path,
+    missing: MissingTextures,
+    variables: &Variables,
+) -> Result<(&'static FormatRow, SceneDesc, Vec<Note>), SceneError> {
+    let inside = path.join(folder::SCENE_FILE);
+    let file = if is_folder(path) { &inside } else { path };
+    let format = format_of(file)?;
+    let (desc, notes) = match (variables.keys().next(), format.load_with_variables) {
+        (None, _) => (format.load)(file, missing)?,
+        (Some(_), Some(load)) => load(file, missing, variables)?,
+        (Some(unknown), None) => {
+            return Err(SceneError::Malformed {
+                file: path.to_owned(),
+                place: "scene_options".to_owned(),
+                problem: format!(
+                    "unknown option `{unknown}`: files of this format have the option `stage` only"
+                ),
+            });
+        }
+    };
+    Ok((format, desc, note::summed_up(notes)))
+}
+
+/// Loads a scene file like [`load_with`] with values for its variables, and puts a stage around it.
+/// Without one, a model in which nothing emits light gets a studio, with a note.
+///
+/// # Errors
+/// Fails like [`load_with`], and for a variable that the file does not name.
+pub fn load_on_stage(
+    path: &Path,
+    missing: MissingTextures,
+    stage: Option<Stage>,
+    variables: &Variables,
+) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+    let (format, mut desc, mut notes) = load_any(path, missing, variables)?;
+    match stage {
+        Some(stage) => stage::set_up(&mut desc, stage),
+        None if format.is_model && stage::is_unlit(&desc) => {
+            stage::set_up(&mut desc, Stage::Studio);
+            notes.push(Note {
+                file: path.to_owned(),
+                place: "lights".to_owned(),
+                message: STUDIO.to_owned(),
+            });
+        }
+        None => {}
+    }
+    Ok((desc, notes))
+}
+
+/// Returns the format of a file, by its extension or its first bytes.
+fn format_of(path: &Path) -> Result<&'static FormatRow, SceneError> {
+    let extension = path
+        .extension()
+        .and_then(|e| e.to_str())
+        .unwrap_or_default()
+        .to_ascii_lowercase();
+    if let Some(row) = FORMATS
+        .iter()
+        .find(|row| row.extensions.contains(&extension.as_str()))
+    {
+        return Ok(row);
+    }
+    let mut head = Vec::new();
+    let (file, length) = open(path)?;
+    file.take(SNIFF_BYTES.min(length))
+        .read_to_end(&mut head)
+        .map_err(|e| unreadable(path, e))?;
+    FORMATS
+        .iter()
+        .find(|row| (row.sniff)(&head))
+        .ok_or_else(|| unknown::unknown_format(path))
+}
+
+/// Returns whether a path is a folder that contains a scene.
+pub fn is_folder(path: &Path) -> bool {
+    path.is_dir() && path.join(folder::SCENE_FILE).is_file()
+}
+
+fn unreadable(path: &Path, reason: impl std::fmt::Display) -> SceneError {
+    SceneError::Unreadable {
+        file: path.to_owned(),
+        reason: reason.to_string(),
+    }
+}
+
+/// Returns the canonical path of a file, or the path itself if there is no such file.
+fn canonical(path: &Path) -> PathBuf {
+    path.canonicalize().unwrap_or_else(|_| path.to_owned())
+}
+
+/// Opens a regular file and returns its length in bytes. Pipes and devices are refused, since they
+/// could block or never end.
+fn open(path: &Path) -> Result<(File, u64), SceneError> {
+    files::check(path).map_err(|e| unreadable(path, e))?;
+    let meta = std::fs::metadata(path).map_err(|e| unreadable(path, e))?;
+    if !meta.is_file() {
+        return Err(unreadable(path, "it is not a regular file"));
+    }
+    files::record(path);
+    Ok((
+        File::open(path).map_err(|e| unreadable(path, e))?,
+        meta.len(),
+    ))
+}
+
+/// Reads a file of at most `limit` bytes. No more is read than its reported length, since special
+/// files of length zero could block or never end.
+fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, SceneError> {
+    let (file, length) = open(path)?;
+    if length > limit {
+        return Err(unreadable(
+            path,
+            format!(
+                "the file is larger than {} MiB, the limit for files of this type",
+                limit >> 20
+            ),
+        ));
+    }
+    let mut bytes = Vec::new();
+    file.take(length)
+        .read_to_end(&mut bytes)
+        .map_err(|e| unreadable(path, e))?;
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod format_values;
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_and_extensions_of_formats_are_unique() {
+        let mut seen = std::collections::BTreeSet::new();
+        for row in FORMATS {
+            assert!(
+                seen.insert(row.name) || row.extensions.contains(&row.name),
+                "{}",
+                row.name
+            );
+            assert!(!row.doc.is_empty() && !row.extensions.is_empty());
+            for e in row.extensions {
+                assert!(seen.insert(e) || *e == row.name);
+                assert_eq!(*e, e.to_ascii_lowercase());
+            }
+        }
+    }
+
+    #[test]
+    fn directories_and_missing_files_are_errors() {
+        let dir = tempfile::tempdir().unwrap();
+        let e = load(&dir.path().join("none.scn")).unwrap_err().to_string();
+        assert!(e.contains("none.scn"), "{e}");
+        std::fs::create_dir(dir.path().join("folder.obj")).unwrap();
+        let e = load(&dir.path().join("folder.obj"))
+            .unwrap_err()
+            .to_string();
+        assert!(e.contains("not a regular file"), "{e}");
+        let text = dir.path().join("text.txt");
+        std::fs::write(&text, "hello").unwrap();
+        let e = load(&text).unwrap_err().to_string();
+        assert!(e.contains(".json, .scn, .obj, .ply, .xml, .pbrt"), "{e}");
+    }
+
+    #[test]
+    fn a_file_without_a_known_extension_is_sniffed() {
+        let dir = tempfile::tempdir().unwrap();
+        let scene = dir.path().join("scene");
+        std::fs::write(&scene, "  { \"maxdepth\": 3 }").unwrap();
+        assert_eq!(load(&scene).unwrap().0.max_depth, 3);
+        let mesh = dir.path().join("mesh.txt");
+        std::fs::write(&mesh, "# a mesh\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+        assert_eq!(load(&mesh).unwrap().0.entities.len(), 1);
+    }
+
+    #[test]
+    fn a_file_over_the_limit_is_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("big");
+        std::fs::write(&path, vec![b' '; 100]).unwrap();
+        assert_eq!(read_file(&path, 100).unwrap().len(), 100);
+        assert!(read_file(&path, 99).is_err());
+    }
+}

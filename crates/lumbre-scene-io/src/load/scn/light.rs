@@ -1,0 +1,177 @@
+//! `lights` and `environment` of `.scn`: additions of Lumbre, since the lights of the original
+//! format are emissive entities.
+
+use glam::Vec3;
+use serde_json::Value as Json;
+
+use super::material::TextureFiles;
+use super::reader::{Diagnostics, JsonObject, numbers};
+use crate::names::UniqueNames;
+use lumbre_light::scene::SceneError;
+use lumbre_light::scene::desc::{
+    ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind,
+};
+
+const LIGHT_TYPES: [&str; 3] = ["point", "directional", "spot"];
+
+/// Reads one entry of `lights`.
+pub(super) fn read(
+    place: &str,
+    json: &Json,
+    names: &mut UniqueNames,
+    diagnostics: &mut Diagnostics,
+) -> Result<LightDesc, SceneError> {
+    let mut object = JsonObject::new(place, json, diagnostics)?;
+    let Some((at, what)) = object.string("type", diagnostics)? else {
+        return Err(diagnostics.error(place, "a light needs a `type`: point, directional or spot"));
+    };
+    let given = object
+        .string("name", diagnostics)?
+        .map(|(_, name)| name.to_owned());
+    let Some([vector_key, color_key]) = required_keys(what) else {
+        let problem = super::unknown_type("light", what, &LIGHT_TYPES);
+        return Err(diagnostics.error(at, problem));
+    };
+    let missing = |key: &str, diagnostics: &Diagnostics| {
+        diagnostics.error(place, format!("a {what} light needs `{key}`"))
+    };
+    let vector = object
+        .vec3(vector_key, diagnostics)?
+        .ok_or_else(|| missing(vector_key, diagnostics))?;
+    let color = color(color_key, &mut object, diagnostics)?
+        .ok_or_else(|| missing(color_key, diagnostics))?;
+    let kind = match what {
+        "point" => LightKind::Point {
+            position: vector,
+            intensity: color,
+        },
+        "spot" => {
+            let direction = object
+                .vec3("direction", diagnostics)?
+                .ok_or_else(|| missing("direction", diagnostics))?;
+            LightKind::Spot {
+                position: vector,
+                direction,
+                intensity: color,
+                cone: cone(place, direction, &mut object, diagnostics)?,
+            }
+        }
+        _ if vector == Vec3::ZERO => {
+            return Err(diagnostics.error(
+                object.key_path(vector_key),
+                "a direction needs a length above zero",
+            ));
+        }
+        _ => LightKind::Directional {
+            direction: vector,
+            irradiance: color,
+        },
+    };
+    let known = ["type", "name", vector_key, color_key];
+    object.note_unknown(
+        known.into_iter().chain(["direction", "cutoff", "beam"]),
+        diagnostics,
+    );
+    Ok(LightDesc {
+        name: super::unique_name(names, given.as_deref(), what, place, diagnostics),
+        kind,
+    })
+}
+
+/// Returns the keys of vector and colour that a type of light needs, or `None` for an unknown type.
+fn required_keys(light_type: &str) -> Option<[&'static str; 2]> {
+    match light_type {
+        "point" | "spot" => Some(["position", "intensity"]),
+        "directional" => Some(["direction", "irradiance"]),
+        _ => None,
+    }
+}
+
+/// Reads the cone of a spot light.
+fn cone(
+    place: &str,
+    direction: Vec3,
+    object: &mut JsonObject,
+    diagnostics: &Diagnostics,
+) -> Result<ConeDesc, SceneError> {
+    let cutoff_deg = object
+        .number("cutoff", diagnostics)?
+        .map_or(20.0, |(_, x)| x as f32);
+    let beam_deg = object
+        .number("beam", diagnostics)?
+        .map_or(0.75 * cutoff_deg, |(_, x)| x as f32);
+    let cone = ConeDesc {
+        beam_deg,
+        cutoff_deg,
+        edge: ConeEdge::Linear,
+    };
+    if direction == Vec3::ZERO || !cone.is_possible() {
+        let problem = "a spot needs a `direction`, a `cutoff` below 180 degrees and a `beam` of at \
+                       most the cutoff";
+        return Err(diagnostics.error(place, problem));
+    }
+    Ok(cone)
+}
+
+/// Reads the object `environment`.
+pub(super) fn environment(
+    place: &str,
+    json: &Json,
+    textures: &mut TextureFiles,
+    diagnostics: &mut Diagnostics,
+) -> Result<EnvironmentDesc, SceneError> {
+    let mut object = JsonObject::new(place, json, diagnostics)?;
+    let map = textures.load("file", &mut object, diagnostics)?;
+    let color = color("color", &mut object, diagnostics)?;
+    let source = match (map, color) {
+        (Some(map), None) => EnvironmentSource::Map(map),
+        (None, Some(color)) => EnvironmentSource::Color(color),
+        (Some(_), Some(_)) => {
+            return Err(diagnostics.error(
+                place,
+                "`file` and `color` of an environment exclude each other; give only one of them",
+            ));
+        }
+        (None, None) => {
+            return Err(diagnostics.error(place, "an environment needs a `file` or a `color`"));
+        }
+    };
+    let rotation_deg = object
+        .number("rotation", diagnostics)?
+        .map_or(0.0, |(_, degrees)| degrees.rem_euclid(360.0)) as f32;
+    let scale = match object.number("scale", diagnostics)? {
+        Some((at, scale)) if !(0.0..=f64::from(f32::MAX)).contains(&scale) => {
+            return Err(
+                diagnostics.error(at, format!("expected a number of 0 or more, found {scale}"))
+            );
+        }
+        Some((_, scale)) => scale as f32,
+        None => 1.0,
+    };
+    object.note_unknown(["file", "color", "rotation", "scale"], diagnostics);
+    Ok(EnvironmentDesc {
+        source,
+        rotation_deg,
+        scale,
+        sampling: Default::default(),
+    })
+}
+
+/// Returns three numbers of at least 0, if the key is present.
+fn color(
+    key: &str,
+    object: &mut JsonObject,
+    diagnostics: &Diagnostics,
+) -> Result<Option<Vec3>, SceneError> {
+    let Some((at, json)) = object.get(key) else {
+        return Ok(None);
+    };
+    let rgb = numbers::<3>(&at, json, diagnostics)?;
+    if let Some(bad) = rgb
+        .iter()
+        .find(|x| !(0.0..=f64::from(f32::MAX)).contains(*x))
+    {
+        return Err(diagnostics.error(at, format!("expected numbers of 0 or more, found {bad}")));
+    }
+    Ok(Some(Vec3::from_array(rgb.map(|x| x as f32))))
+}

@@ -1,0 +1,216 @@
+//! Stages: light, ground and camera for scenes that bring none, such as the models of a library.
+
+use glam::{Affine3A, Quat, Vec2, Vec3};
+
+use crate::load::default_scene::{bounds, corners, framing_camera};
+use lumbre_light::scene::desc::{
+    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, Optics, SceneDesc,
+    ShapeDesc, TextureSlot, Transform,
+};
+use lumbre_light::scene::shape;
+
+/// Surroundings that are put around the entities of a scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// A grey ground, an area light, a dim environment, and a camera that frames the entities unless
+    /// the file has one.
+    Studio,
+    /// An environment of radiance 1, in which a white surface is invisible.
+    White,
+    /// No surroundings at all.
+    Bare,
+}
+
+/// Names of the stages in scene options, in the order of their variants.
+pub const STAGES: [(&str, Stage); 3] = [
+    ("studio", Stage::Studio),
+    ("white", Stage::White),
+    ("none", Stage::Bare),
+];
+
+/// Field of view of the studio's camera, in degrees.
+const FOV_DEG: f32 = 35.0;
+/// Fraction of the picture's height or width that the entities fill.
+const FILL: f32 = 0.8;
+/// Direction from the entities to the studio's camera.
+const VIEW: Vec3 = Vec3::new(0.5, 0.45, 1.0);
+/// Position of the area light from the centre, and its side, in radii of the entities. It is as far
+/// away and as large as the ground, so that its power is a fair share of that of the environment on
+/// the whole stage: lights are selected by power.
+const LIGHT: Vec3 = Vec3::new(-21.6, 31.2, 16.8);
+const LIGHT_SIDE: f32 = 19.2;
+/// Radiance of the area light and of the environment.
+const LIGHT_RADIANCE: f32 = 12.0;
+const ENVIRONMENT_RADIANCE: f32 = 0.3;
+/// Side of the ground in radii of the entities.
+const GROUND_SIDE: f32 = 80.0;
+/// Albedo of the ground.
+const GROUND_ALBEDO: f32 = 0.4;
+
+/// Returns whether nothing in a scene emits light. Emissive textures do not count: they are signs
+/// and screens, which viewers show in their own light.
+pub fn is_unlit(scene: &SceneDesc) -> bool {
+    let is_light =
+        |m: &MaterialDesc| m.emission != Vec3::ZERO && m.texture(TextureSlot::Emission).is_none();
+    scene.lights.is_empty() && scene.environment.is_none() && !scene.materials.iter().any(is_light)
+}
+
+/// Puts a stage around a scene. An environment that is there is replaced.
+pub fn set_up(scene: &mut SceneDesc, stage: Stage) {
+    match stage {
+        Stage::Bare => {}
+        Stage::White => scene.environment = Some(constant_environment(1.0)),
+        Stage::Studio => {
+            scene.environment = Some(constant_environment(ENVIRONMENT_RADIANCE));
+            let around = bounds(&scene.entities);
+            if let Some([low, high]) = around {
+                if scene.camera == framing_camera(around) {
+                    scene.camera = studio_camera([low, high], scene.resolution);
+                }
+                add_ground_and_light(scene, [low, high]);
+            }
+        }
+    }
+}
+
+fn constant_environment(radiance: f32) -> EnvironmentDesc {
+    EnvironmentDesc {
+        source: EnvironmentSource::Color(Vec3::splat(radiance)),
+        rotation_deg: 0.0,
+        scale: 1.0,
+        sampling: Default::default(),
+    }
+}
+
+/// Returns a camera that looks at a box from the front, the right and above, at the distance at
+/// which it fills [`FILL`] of the picture.
+fn studio_camera([low, high]: [Vec3; 2], resolution: [u32; 2]) -> CameraDesc {
+    let center = (low + high) / 2.0;
+    let back = VIEW.normalize_or(Vec3::Z);
+    let right = Vec3::Y.cross(back).normalize_or(Vec3::X);
+    let up = back.cross(right);
+    let slope = (FOV_DEG.to_radians() / 2.0).tan() * FILL;
+    let aspect = resolution[0] as f32 / resolution[1].max(1) as f32;
+    let distance_of = |corner: Vec3| {
+        let p = corner - center;
+        let [x, y] = [p.dot(right).abs(), p.dot(up).abs()];
+        p.dot(back) + (y / slope).max(x / (slope * aspect))
+    };
+    let distance = corners([low, high]).map(distance_of).fold(0.0, f32::max);
+    let radius = ((high - low).length() / 2.0).max(1e-6);
+    CameraDesc {
+        position: center + back * distance.max(1.1 * radius),
+        target: center,
+        optics: Optics::pinhole(FOV_DEG),
+        ..CameraDesc::default()
+    }
+}
+
+/// Adds a ground below a box and an area light above it.
+fn add_ground_and_light(scene: &mut SceneDesc, [low, high]: [Vec3; 2]) {
+    let center = (low + high) / 2.0;
+    let radius = ((high - low).length() / 2.0).max(1e-6);
+    // Slightly below, so that it does not coincide with the underside of the entities.
+    let below = Vec3::new(center.x, low.y - 1e-3 * radius, center.z);
+    let ground = MaterialDesc {
+        base_color: Vec3::splat(GROUND_ALBEDO),
+        roughness: 1.0,
+        ..MaterialDesc::new("stage_ground")
+    };
+    add_square(
+        scene,
+        ground,
+        GROUND_SIDE * radius,
+        Affine3A::from_translation(below),
+    );
+    let light = MaterialDesc {
+        emission: Vec3::splat(LIGHT_RADIANCE),
+        ..MaterialDesc::new("stage_light")
+    };
+    let facing_down = Quat::from_rotation_arc(Vec3::Y, -LIGHT.normalize_or(Vec3::Y));
+    let place = Affine3A::from_rotation_translation(facing_down, center + radius * LIGHT);
+    add_square(scene, light, LIGHT_SIDE * radius, place);
+}
+
+/// Adds a square with its own material. Names that the scene has already are left to it.
+fn add_square(scene: &mut SceneDesc, mut material: MaterialDesc, side: f32, frame: Affine3A) {
+    while scene.material_index(&material.name).is_some() {
+        material.name += "_";
+    }
+    // A square of positive size is always a valid shape.
+    let Ok(square) = shape::grid(Vec2::splat(side), [1, 1]) else {
+        return;
+    };
+    let mesh = square.into_mesh(std::path::PathBuf::new(), &material.name);
+    scene.entities.push(EntityDesc {
+        name: material.name.clone(),
+        transform: Transform::framed(frame),
+        material: None,
+        anisotropic_direction: None,
+        shape: ShapeDesc::Mesh(std::sync::Arc::new(mesh)),
+    });
+    scene.materials.push(material);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::load::default_scene;
+
+    /// A scene of one triangle mesh of unit size, without lights.
+    fn bare() -> SceneDesc {
+        let cube = shape::cuboid(Vec3::new(1.0, 2.0, 0.5), 0.0, 1).unwrap();
+        let mesh = cube.into_mesh("cube.ply".into(), "stone");
+        let materials = vec![MaterialDesc::new("stone")];
+        default_scene::scene(std::path::Path::new("cube.ply"), mesh, materials)
+    }
+
+    #[test]
+    fn a_studio_has_ground_light_and_a_camera_that_frames_the_entities() {
+        let mut scene = bare();
+        assert!(is_unlit(&scene));
+        set_up(&mut scene, Stage::Studio);
+        assert!(!is_unlit(&scene));
+        let names: Vec<&str> = scene.entities.iter().map(|e| e.name.as_str()).collect();
+        assert_eq!(names, ["cube", "stage_ground", "stage_light"]);
+        let camera = &scene.camera;
+        let forward = (camera.target - camera.position).normalize_or(Vec3::Z);
+        let up = (Vec3::Y - forward * Vec3::Y.dot(forward)).normalize_or(Vec3::Y);
+        let slope = (camera.view_deg().to_radians() / 2.0).tan();
+        let heights = [Vec3::new(-0.5, -1.0, -0.25), Vec3::new(0.5, 1.0, 0.25)].map(|corner| {
+            let p = corner - camera.position;
+            p.dot(up) / (p.dot(forward) * slope)
+        });
+        let highest = heights.iter().fold(0.0f32, |most, h| most.max(h.abs()));
+        assert!((0.6..=FILL + 1e-4).contains(&highest), "{heights:?}");
+    }
+
+    #[test]
+    fn the_area_light_of_a_studio_has_a_fair_share_of_the_power() {
+        use std::f32::consts::PI;
+        let mut scene = bare();
+        set_up(&mut scene, Stage::Studio);
+        let (compiled, _) = lumbre_light::scene::compile(&scene).unwrap();
+        let (_, radius) = compiled.bounds_and_radius();
+        let environment = PI * radius * radius * 4.0 * PI * ENVIRONMENT_RADIANCE;
+        let area: f32 = compiled.emitters.iter().map(|e| e.area).sum();
+        let light = PI * area * LIGHT_RADIANCE;
+        let share = light / (light + environment);
+        assert!((0.2..0.5).contains(&share), "{share}");
+    }
+
+    #[test]
+    fn a_camera_of_the_file_stays_and_other_stages_add_no_entities() {
+        let mut own = bare();
+        own.camera.position = Vec3::new(0.0, 0.0, 9.0);
+        let camera = own.camera.clone();
+        set_up(&mut own, Stage::Studio);
+        assert_eq!(own.camera, camera);
+        for (name, stage) in [STAGES[1], STAGES[2]] {
+            let mut scene = bare();
+            set_up(&mut scene, stage);
+            assert_eq!(scene.entities.len(), 1, "{name}");
+            assert_eq!(scene.environment.is_some(), stage == Stage::White);
+        }
+    }
+}
