@@ -1,5 +1,6 @@
-//! Compresses the SPIR-V of `spirv/` for the program, which needs a few of its modules at a time.
-//! Writes `modules.rs` into the folder of outputs: a slice of file names and compressed bytes.
+//! Lists the shaders for the program, in two files of the folder of outputs: `texts.rs` has a slice
+//! of the paths and texts of `shaders/`, `modules.rs` one of the file names and bytes of `spirv/`,
+//! compressed, since the program needs a few of them at a time.
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -9,10 +10,23 @@ use std::{env, fs, io};
 use flate2::Compression;
 use flate2::write::DeflateEncoder;
 
+/// Folder of the shaders, from that of the crate.
+const SHADERS: &str = "../../shaders";
+
 fn main() -> io::Result<()> {
     println!("cargo::rerun-if-changed=spirv");
+    println!("cargo::rerun-if-changed={SHADERS}");
     let variable = |name| env::var_os(name).map(PathBuf::from).unwrap_or_default();
     let out = variable("OUT_DIR");
+    let shaders = variable("CARGO_MANIFEST_DIR").join(SHADERS);
+    let mut texts = Vec::new();
+    list(&shaders, "", &mut texts)?;
+    texts.sort();
+    let rows: String = texts
+        .iter()
+        .map(|path| format!("    ({path:?}, include_str!({:?})),\n", shaders.join(path)))
+        .collect();
+    fs::write(out.join("texts.rs"), format!("&[\n{rows}]\n"))?;
     let mut table = String::from("&[\n");
     for path in modules(&variable("CARGO_MANIFEST_DIR").join("spirv"))? {
         let file = path.file_name().unwrap_or_default().to_string_lossy();
@@ -25,6 +39,23 @@ fn main() -> io::Result<()> {
     }
     table.push_str("]\n");
     fs::write(out.join("modules.rs"), table)
+}
+
+/// Adds the paths of the files below a folder, each after `prefix`, with slashes between the folders.
+fn list(folder: &Path, prefix: &str, paths: &mut Vec<String>) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let path = format!("{prefix}{name}");
+        if name.starts_with('.') {
+            // A file of an editor.
+        } else if entry.file_type()?.is_dir() {
+            list(&entry.path(), &format!("{path}/"), paths)?;
+        } else {
+            paths.push(path);
+        }
+    }
+    Ok(())
 }
 
 /// Returns the paths of the modules in a folder, sorted.

@@ -2,12 +2,6 @@
 // `the_committed_layouts_are_those_of_the_code`; do not edit.
 
 const uint NONE = 4294967295u;
-const uint MODEL_DISNEY = 0u;
-const uint MODEL_LAMBERT = 1u;
-const uint MODEL_CONDUCTOR = 2u;
-const uint MODEL_PLASTIC = 3u;
-const uint MODEL_DIELECTRIC = 4u;
-const uint MODEL_TRANSLUCENT = 5u;
 const uint DISTRIBUTION_GGX = 0u;
 const uint DISTRIBUTION_BECKMANN = 1u;
 const uint MASK_THRESHOLD = 0u;
@@ -51,6 +45,12 @@ const uint LIST_BLOCK = 256u;
 const uint LIST_STEP_PATHS = 0u;
 const uint LIST_STEP_BLOCKS = 1u;
 const uint LIST_STEP_VERTICES = 2u;
+const uint MODEL_DISNEY = 0u;
+const uint MODEL_LAMBERT = 1u;
+const uint MODEL_CONDUCTOR = 2u;
+const uint MODEL_PLASTIC = 3u;
+const uint MODEL_DIELECTRIC = 4u;
+const uint MODEL_TRANSLUCENT = 5u;
 
 // Corners of a triangle in world space, counter-clockwise seen from its front.
 struct Triangle {

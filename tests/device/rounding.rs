@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use lumbre_vulkan::pipelines::sources::Sources;
-use lumbre_vulkan::pipelines::texts::TEXTS;
+use lumbre_vulkan::pipelines::sources::TEXTS;
 
 use super::harness;
 use super::images::{room, scene_with_all_lights, technique_job};

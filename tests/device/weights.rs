@@ -20,7 +20,7 @@ use lumbre_render::Job;
 use lumbre_render::cpu::bvh::accel::Accel;
 use lumbre_render::path_trace::{PathEvent, SampleAt};
 use lumbre_vulkan::pipelines::sources::Sources;
-use lumbre_vulkan::pipelines::texts::TEXTS;
+use lumbre_vulkan::pipelines::sources::TEXTS;
 use lumbre_vulkan::renderer::VulkanRenderer;
 
 use super::harness;

@@ -44,115 +44,63 @@ impl Default for AccelSpec {
     }
 }
 
-/// Use of the vectorised integrators of the CPU. Pictures have the same bits either way.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum LaneMode {
-    /// Whenever an integrator has a vectorised implementation; the default.
-    Auto,
-    /// Never use them.
-    Never,
-    /// The same as [`LaneMode::Auto`], under a run id of its own.
-    Always,
-}
-
-impl LaneMode {
-    const ALL: [LaneMode; 3] = [LaneMode::Auto, LaneMode::Never, LaneMode::Always];
-
-    const WORDS: &'static [&'static str] = &["auto", "never", "always"];
-
-    fn name(self) -> &'static str {
-        LaneMode::WORDS[self as usize]
+lumbre_light::named! {
+    /// Use of the vectorised integrators of the CPU. Pictures have the same bits either way.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+    pub enum LaneMode {
+        /// Whenever an integrator has a vectorised implementation; the default.
+        Auto = "auto",
+        /// Never use them.
+        Never = "never",
+        /// The same as [`LaneMode::Auto`], under a run id of its own.
+        Always = "always",
     }
 }
 
-/// Builder of a hierarchy.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Builder {
-    /// No hierarchy: every ray is tested with every primitive, eight at a time.
-    None,
-    /// Splits boxes in the middle of their longest side [thesis S1 (docs/inside/transport.md),
-    /// section 4.2.1].
-    Plane,
-    /// The same as listing 4.6 of thesis S1 is printed: always along z, to the maximum depth.
-    PlaneZ,
-    /// Splits at the bin border that is cheapest by the surface area heuristic [Wald 2007].
-    Sah,
-    /// Splits at the median along the longest side of the centroids' box: the depth is the binary
-    /// logarithm of the number of primitives, whatever the scene.
-    Median,
-    /// Locally ordered clustering [Meister and Bittner 2018a] with reinsertion [Meister and Bittner
-    /// 2018b], by `obvhs`.
-    Ploc,
-    /// As [`Builder::Ploc`] with compressed eight-wide nodes [Ylitie et al. 2017]. The CPU tests
-    /// one triangle of them at a time.
-    Cwbvh,
-}
-
-impl Builder {
-    /// All builders, in the order of [`Builder::WORDS`].
-    pub const ALL: [Builder; 7] = [
-        Builder::None,
-        Builder::Plane,
-        Builder::PlaneZ,
-        Builder::Sah,
-        Builder::Median,
-        Builder::Ploc,
-        Builder::Cwbvh,
-    ];
-
-    /// Names of the builders in scripts.
-    pub const WORDS: &'static [&'static str] =
-        &["none", "plane", "plane_z", "sah", "median", "ploc", "cwbvh"];
-
-    /// Returns its name in scripts.
-    pub fn name(self) -> &'static str {
-        Builder::WORDS[self as usize]
+lumbre_light::named! {
+    /// Builder of a hierarchy.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+    pub enum Builder {
+        /// No hierarchy: every ray is tested with every primitive, eight at a time.
+        None = "none",
+        /// Splits boxes in the middle of their longest side [thesis S1 (docs/inside/transport.md),
+        /// section 4.2.1].
+        Plane = "plane",
+        /// The same as listing 4.6 of thesis S1 is printed: always along z, to the maximum depth.
+        PlaneZ = "plane_z",
+        /// Splits at the bin border that is cheapest by the surface area heuristic [Wald 2007].
+        Sah = "sah",
+        /// Splits at the median along the longest side of the centroids' box: the depth is the
+        /// binary logarithm of the number of primitives, whatever the scene.
+        Median = "median",
+        /// Locally ordered clustering [Meister and Bittner 2018a] with reinsertion [Meister and
+        /// Bittner 2018b], by `obvhs`.
+        Ploc = "ploc",
+        /// As [`Builder::Ploc`] with compressed eight-wide nodes [Ylitie et al. 2017]. The CPU
+        /// tests one triangle of them at a time.
+        Cwbvh = "cwbvh",
     }
 }
 
-/// Effort of the builders `ploc` and `cwbvh`: the preset of `obvhs`, and whether long triangles are
-/// cut into parts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub enum Quality {
-    /// Clustering of neighbours along the Morton curve, without reinsertion and parts of triangles.
-    Fastest,
-    /// The same with some reinsertion, and parts of long triangles, as for all that follow.
-    VeryFast,
-    /// Clustering within 6 places along the curve, but of neighbours in the first two passes, and more
-    /// reinsertion.
-    Fast,
-    /// Default: clustering within 6 places in all passes, and half as much reinsertion again.
-    Medium,
-    /// Clustering within 24 places, and seven times as much reinsertion.
-    Slow,
-    /// Clustering within 14 places, and reinsertion of all nodes in every round.
-    VerySlow,
-}
-
-impl Quality {
-    /// All presets, in the order of [`Quality::WORDS`].
-    pub const ALL: [Quality; 6] = [
-        Quality::Fastest,
-        Quality::VeryFast,
-        Quality::Fast,
-        Quality::Medium,
-        Quality::Slow,
-        Quality::VerySlow,
-    ];
-
-    /// Names of the presets in scripts.
-    pub const WORDS: &'static [&'static str] = &[
-        "fastest",
-        "very_fast",
-        "fast",
-        "medium",
-        "slow",
-        "very_slow",
-    ];
-
-    /// Returns its name in scripts.
-    pub fn name(self) -> &'static str {
-        Quality::WORDS[self as usize]
+lumbre_light::named! {
+    /// Effort of the builders `ploc` and `cwbvh`: the preset of `obvhs`, and whether long triangles
+    /// are cut into parts.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+    pub enum Quality {
+        /// Clustering of neighbours along the Morton curve, without reinsertion and parts of
+        /// triangles.
+        Fastest = "fastest",
+        /// The same with some reinsertion, and parts of long triangles, as for all that follow.
+        VeryFast = "very_fast",
+        /// Clustering within 6 places along the curve, but of neighbours in the first two passes,
+        /// and more reinsertion.
+        Fast = "fast",
+        /// Default: clustering within 6 places in all passes, and half as much reinsertion again.
+        Medium = "medium",
+        /// Clustering within 24 places, and seven times as much reinsertion.
+        Slow = "slow",
+        /// Clustering within 14 places, and reinsertion of all nodes in every round.
+        VerySlow = "very_slow",
     }
 }
 
@@ -169,7 +117,7 @@ pub const ACCEL: Table = Table {
     fields: &[
         Field {
             key: "builder",
-            ty: Ty::Word(Builder::WORDS),
+            ty: Ty::Word(Builder::NAMES),
             required: false,
             default: "ploc",
             doc: "none: no hierarchy, every ray is tested with every primitive; plane: boxes are \
@@ -204,7 +152,7 @@ pub const ACCEL: Table = Table {
         },
         Field {
             key: "quality",
-            ty: Ty::Word(Quality::WORDS),
+            ty: Ty::Word(Quality::NAMES),
             required: false,
             default: "medium",
             doc: "ploc, cwbvh: build quality; slower presets make faster hierarchies. All but \
@@ -222,7 +170,7 @@ pub const ACCEL: Table = Table {
         },
         Field {
             key: "lanes",
-            ty: Ty::Word(LaneMode::WORDS),
+            ty: Ty::Word(LaneMode::NAMES),
             required: false,
             default: "auto",
             doc: "cpu: whether to use the vectorised integrators, which give identical pictures. \
@@ -246,14 +194,14 @@ impl AccelSpec {
                 .and_then(|n| u32::try_from(n).ok())
         };
         AccelSpec {
-            builder: index("builder", Builder::WORDS).map_or(defaults.builder, |i| Builder::ALL[i]),
+            builder: index("builder", Builder::NAMES).map_or(defaults.builder, |i| Builder::ALL[i]),
             bins: integer("bins").unwrap_or(defaults.bins),
             max_depth: integer("max_depth").unwrap_or(defaults.max_depth),
             max_leaf: integer("max_leaf").unwrap_or(defaults.max_leaf),
-            quality: index("quality", Quality::WORDS).map_or(defaults.quality, |i| Quality::ALL[i]),
+            quality: index("quality", Quality::NAMES).map_or(defaults.quality, |i| Quality::ALL[i]),
             instances: index("instances", SHARING_WORDS)
                 .map_or(defaults.instances, |i| SHARINGS[i]),
-            lanes: index("lanes", LaneMode::WORDS).map_or(defaults.lanes, |i| LaneMode::ALL[i]),
+            lanes: index("lanes", LaneMode::NAMES).map_or(defaults.lanes, |i| LaneMode::ALL[i]),
         }
     }
 
@@ -407,23 +355,23 @@ mod tests {
         assert!(
             Builder::ALL
                 .iter()
-                .zip(Builder::WORDS)
+                .zip(Builder::NAMES)
                 .all(|(b, name)| b.name() == *name)
         );
         assert!(
             Quality::ALL
                 .iter()
-                .zip(Quality::WORDS)
+                .zip(Quality::NAMES)
                 .all(|(q, name)| q.name() == *name)
         );
         assert!(
             LaneMode::ALL
                 .iter()
-                .zip(LaneMode::WORDS)
+                .zip(LaneMode::NAMES)
                 .all(|(l, name)| l.name() == *name)
         );
         assert_eq!(SHARINGS.len(), SHARING_WORDS.len());
-        assert_eq!(LaneMode::ALL.len(), LaneMode::WORDS.len());
+        assert_eq!(LaneMode::ALL.len(), LaneMode::NAMES.len());
     }
 
     #[test]

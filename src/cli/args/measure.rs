@@ -70,7 +70,7 @@ pub struct VerifyArgs {
         value_name = "ORDER",
         default_value = Order::NAMES[0],
         requires = "kill",
-        value_parser = Order::NAMES
+        value_parser = clap::builder::PossibleValuesParser::new(Order::NAMES)
     )]
     pub order: String,
     /// Seed of all random numbers. The same seed gives identical results.

@@ -9,8 +9,9 @@ use super::source::{code_only, rust_files, text};
 const MOST_FILES: usize = 4;
 
 /// Sources of the crates whose circles are looked for.
-const CRATES: [&str; 9] = [
+const CRATES: [&str; 10] = [
     "src",
+    "crates/lumbre-light/src",
     "crates/lumbre-lua/src",
     "crates/lumbre-metrics/src",
     "crates/lumbre-night/src",

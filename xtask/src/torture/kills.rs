@@ -19,7 +19,7 @@ const PAUSE_MS: usize = 400;
 pub fn kill(site: &Site, random: &mut Random) -> Result<Verdict, String> {
     let processes = (1 + random.below(4)).to_string();
     let seed = random.below(1 << 30).to_string();
-    let order = *random.pick(&Order::NAMES);
+    let order = *random.pick(Order::NAMES);
     let room = site.empty_room()?;
     let arguments = [
         "verify",

@@ -6,6 +6,7 @@
 //! key, so equal data hashes equally, however it was written.
 
 pub mod markdown;
+mod named;
 pub mod schema;
 mod serial;
 pub mod suggest;

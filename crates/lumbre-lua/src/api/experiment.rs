@@ -49,7 +49,7 @@ pub const EXPERIMENT: Table = Table {
         },
         Field {
             key: "order",
-            ty: Ty::Word(&Order::NAMES),
+            ty: Ty::Word(Order::NAMES),
             required: false,
             default: "interleave",
             doc: "order of cells: `interleave` is that of the axes with the techniques of one picture \

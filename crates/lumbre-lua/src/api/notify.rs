@@ -31,7 +31,7 @@ pub const NOTIFY: Table = Table {
         ),
         Field::optional(
             "on",
-            Ty::OneOrMany(&Ty::Word(&NoticeEvent::NAMES)),
+            Ty::OneOrMany(&Ty::Word(NoticeEvent::NAMES)),
             "all of them",
             "events that it is run for: the end of the night, a run that failed, or a bias check \
              that found a difference",

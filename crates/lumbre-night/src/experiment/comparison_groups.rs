@@ -4,30 +4,18 @@
 use super::outcome::CellRef;
 use super::plan::{Cell, Plan};
 
-/// Device affinity: what all cells of one comparison group must share.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Affinity {
-    /// The same device. Two devices of the same model can differ in clock rate and temperature.
-    #[default]
-    Device,
-    /// The same model of device.
-    Model,
-    /// Nothing; for experiments whose times are of no interest.
-    None,
-}
-
-impl Affinity {
-    /// All values of the enum.
-    pub const ALL: [Affinity; 3] = [Affinity::Device, Affinity::Model, Affinity::None];
-
-    /// Name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Affinity::Device => "device",
-            Affinity::Model => "model",
-            Affinity::None => "none",
-        }
+lumbre_light::named! {
+    /// Device affinity: what all cells of one comparison group must share.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    pub enum Affinity {
+        /// The same device. Two devices of the same model can differ in clock rate and temperature.
+        #[default]
+        Device = "device",
+        /// The same model of device.
+        Model = "model",
+        /// Nothing; for experiments whose times are of no interest.
+        None = "none",
     }
 }
 

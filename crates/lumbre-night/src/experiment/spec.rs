@@ -117,67 +117,34 @@ pub struct Notice {
 /// Placeholders in the command of a notice.
 pub const NOTICE_PLACEHOLDERS: [&str; 4] = ["event", "text", "name", "folder"];
 
-/// Event of a night that a notice is sent for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NoticeEvent {
-    /// The night is over.
-    End,
-    /// A run failed.
-    Failure,
-    /// A bias check found a difference.
-    Alarm,
-}
-
-impl NoticeEvent {
-    /// All events, in the order of their names.
-    pub const ALL: [NoticeEvent; 3] = [NoticeEvent::End, NoticeEvent::Failure, NoticeEvent::Alarm];
-
-    /// Names in scripts, in the order of [`NoticeEvent::ALL`].
-    pub const NAMES: [&'static str; 3] = ["end", "failure", "alarm"];
-
-    /// Returns the name in scripts.
-    pub fn name(self) -> &'static str {
-        NoticeEvent::NAMES[self as usize]
-    }
-
-    /// Returns the event of this name.
-    pub fn from_name(name: &str) -> Option<NoticeEvent> {
-        NoticeEvent::ALL
-            .into_iter()
-            .find(|event| event.name() == name)
+lumbre_light::named! {
+    /// Event of a night that a notice is sent for.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum NoticeEvent {
+        /// The night is over.
+        End = "end",
+        /// A run failed.
+        Failure = "failure",
+        /// A bias check found a difference.
+        Alarm = "alarm",
     }
 }
 
-/// The order in which the cells of a night are rendered.
-///
-/// It decides which cells are affected by drift during a night, such as a machine that slows down
-/// as it warms up.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Order {
-    /// The order of the plan.
-    #[default]
-    Sequential,
-    /// A random order derived from the experiment's seed, the same at every launch.
-    Shuffled,
-    /// Techniques of the same picture take turns: see
-    /// [`Plan::interleave_groups`](super::Plan::interleave_groups).
-    Interleave,
-}
-
-impl Order {
-    /// Names of the orders in scripts.
-    pub const NAMES: [&'static str; 3] = ["sequential", "shuffled", "interleave"];
-
-    /// Name of the order in scripts.
-    pub fn name(self) -> &'static str {
-        Order::NAMES[self as usize]
-    }
-
-    /// Returns the order of this name.
-    pub fn from_name(name: &str) -> Option<Order> {
-        [Order::Sequential, Order::Shuffled, Order::Interleave]
-            .into_iter()
-            .find(|order| order.name() == name)
+lumbre_light::named! {
+    /// The order in which the cells of a night are rendered.
+    ///
+    /// It decides which cells are affected by drift during a night, such as a machine that slows
+    /// down as it warms up.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub enum Order {
+        /// The order of the plan.
+        #[default]
+        Sequential = "sequential",
+        /// A random order derived from the experiment's seed, the same at every launch.
+        Shuffled = "shuffled",
+        /// Techniques of the same picture take turns: see
+        /// [`Plan::interleave_groups`](super::Plan::interleave_groups).
+        Interleave = "interleave",
     }
 }
 

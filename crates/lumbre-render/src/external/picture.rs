@@ -11,38 +11,23 @@ use lumbre_light::film::Image;
 use lumbre_light::film::layer::Layer;
 use lumbre_scene_io::load::openexr;
 
-/// Format of the pictures of a technique.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PictureFormat {
-    /// OpenEXR with channels R, G and B.
-    Exr,
-    /// Portable float map with three channels or one.
-    Pfm,
-    /// Radiance HDR: three bytes and an exponent.
-    Hdr,
+lumbre_light::named! {
+    /// Format of the pictures of a technique; its name is also the ending of its files.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum PictureFormat {
+        /// OpenEXR with channels R, G and B.
+        Exr = "exr",
+        /// Portable float map with three channels or one.
+        Pfm = "pfm",
+        /// Radiance HDR: three bytes and an exponent.
+        Hdr = "hdr",
+    }
 }
-
-/// Names of the formats in scripts, which are also the endings of their files.
-pub const PICTURE_FORMATS: [&str; 3] = ["exr", "pfm", "hdr"];
 
 /// Greatest size of a picture file in bytes per pixel; layers share the file.
 const MAX_BYTES_PER_PIXEL: u64 = 256;
 /// Size of a file that is read whatever the number of pixels.
 const MIN_LIMIT: u64 = 1 << 20;
-
-impl PictureFormat {
-    /// Returns the format with this name.
-    pub fn from_name(name: &str) -> Option<PictureFormat> {
-        [PictureFormat::Exr, PictureFormat::Pfm, PictureFormat::Hdr]
-            .into_iter()
-            .find(|format| format.name() == name)
-    }
-
-    /// Returns the name of the format.
-    pub fn name(self) -> &'static str {
-        PICTURE_FORMATS[self as usize]
-    }
-}
 
 /// A picture with the layers that were requested, in their order.
 pub(super) struct Pictures {

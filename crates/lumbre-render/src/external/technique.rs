@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::clock::Clock;
-use super::picture::{LAYERS, PICTURE_FORMATS, PictureFormat};
+use super::picture::{LAYERS, PictureFormat};
 use super::words;
-use lumbre_light::transport::camera::FILTER_NAMES;
+use lumbre_light::transport::camera::FilterKind;
 use lumbre_light::transport::integrator::external::{PREFIX, is_free_name};
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, Table, Ty, duration_s, unknown_name};
@@ -41,9 +41,6 @@ const PLACEHOLDERS: [&str; 13] = [
     "scene", "width", "height", "depth", "threads", "folder", "work", "filter", "radius", "spp",
     "seed", "seconds", "out",
 ];
-
-/// Names of the picture formats, as the schema needs them.
-const FORMATS: &[&str] = &PICTURE_FORMATS;
 
 /// Options of `external` in scripts.
 pub const EXTERNAL: Table = Table {
@@ -104,7 +101,7 @@ pub const EXTERNAL: Table = Table {
         ),
         Field::optional(
             "picture",
-            Ty::Word(FORMATS),
+            Ty::Word(PictureFormat::NAMES),
             "exr",
             "format of the pictures: OpenEXR, portable float map or Radiance HDR, with linear \
              radiance",
@@ -217,7 +214,7 @@ impl Technique {
                 .and_then(PictureFormat::from_name)
                 .unwrap_or(PictureFormat::Exr),
             timeout: timeout(params)?,
-            filters: named_texts(params, "filters", &FILTER_NAMES)?,
+            filters: named_texts(params, "filters", FilterKind::NAMES)?,
             layers: named_texts(params, "layers", &LAYERS.map(|layer| layer.row().name))?,
             non_finite_is_black: text("non_finite") == Some("black"),
             lanes: None,

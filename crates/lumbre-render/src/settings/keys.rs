@@ -14,7 +14,7 @@ use crate::hierarchy::{ACCEL, AccelSpec};
 use crate::shaders::{BUILT_IN, ShaderFolder, Shaders};
 use lumbre_light::film::layer::{LAYER_NAMES, Layer};
 use lumbre_light::scene::desc::MAX_SIDE;
-use lumbre_light::transport::camera::{FILTER_NAMES, FilterKind};
+use lumbre_light::transport::camera::FilterKind;
 use lumbre_light::transport::integrator::external::{EXTERNALS, PYTHON, is_declared};
 use lumbre_light::transport::integrator::{INTEGRATORS, integrator, own};
 use lumbre_light::transport::path_time::Timing;
@@ -96,7 +96,7 @@ const AA: Table = Table {
     fields: &[
         Field::optional(
             "filter",
-            Ty::Word(&FILTER_NAMES),
+            Ty::Word(FilterKind::NAMES),
             "box",
             "shape of the filter: constant, linear, a Gaussian truncated at three sigma, a \
              Blackman-Harris window, or the untruncated Gaussian of thesis S1 (sigma = 2 radius)",

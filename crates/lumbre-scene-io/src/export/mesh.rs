@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::Vec3;
 
-use super::OutputFolder;
+use super::output_folder::OutputFolder;
 use lumbre_light::scene::SceneError;
 use lumbre_light::scene::desc::MeshDesc;
 

@@ -9,6 +9,7 @@
 
 mod lights;
 mod mesh;
+mod output_folder;
 mod pbrt;
 mod surface;
 mod texture;
@@ -21,6 +22,7 @@ use std::path::{Path, PathBuf};
 use glam::{DAffine3, Vec3};
 
 use self::mesh::MeshWriter;
+use self::output_folder::{OutputFolder, identifier, scene_note};
 pub use self::pbrt::pbrt;
 use self::surface::SurfaceWriter;
 use self::texture::{TexelConversion, TextureWriter};
@@ -104,15 +106,6 @@ pub fn mitsuba(desc: &SceneDesc, folder: &Path) -> Result<Exported, SceneError> 
     })
 }
 
-/// Creates a note without a file, about a part of the scene.
-fn scene_note(place: &str, message: impl Into<String>) -> Note {
-    Note {
-        file: PathBuf::new(),
-        place: place.to_owned(),
-        message: message.into(),
-    }
-}
-
 /// Returns the centre and the radius of a sphere in the world.
 ///
 /// # Errors
@@ -131,82 +124,6 @@ fn sphere_place(entity: &EntityDesc, radius: f32) -> Result<(Vec3, f32), SceneEr
     let frame = entity.transform.frame;
     let center = frame.transform_point3(entity.transform.translate);
     Ok((center, radius * scale))
-}
-
-/// Returns a name that is valid as an id and as part of a file name.
-fn identifier(name: &str) -> String {
-    let plain: String = name
-        .chars()
-        .map(|c| {
-            if c.is_ascii_alphanumeric() || c == '-' {
-                c
-            } else {
-                '_'
-            }
-        })
-        .take(64)
-        .collect();
-    if plain.trim_matches('_').is_empty() {
-        "unnamed".to_owned()
-    } else {
-        plain
-    }
-}
-
-/// Output folder: its path and the files written so far.
-struct OutputFolder {
-    root: PathBuf,
-    files: Vec<PathBuf>,
-    names: UniqueNames,
-}
-
-impl OutputFolder {
-    /// Creates an output folder without files.
-    fn new(root: &Path) -> OutputFolder {
-        OutputFolder {
-            root: root.to_owned(),
-            files: Vec::new(),
-            names: UniqueNames::default(),
-        }
-    }
-
-    /// Writes a file under a free name; returns its path relative to the folder.
-    fn write_unique(
-        &mut self,
-        folder: &str,
-        stem: &str,
-        extension: &str,
-        bytes: &[u8],
-    ) -> Result<String, SceneError> {
-        // Some file systems are case-insensitive.
-        let stem = self.names.allocate(&format!(
-            "{folder}/{}",
-            identifier(stem).to_ascii_lowercase()
-        ));
-        let name = format!("{stem}.{extension}");
-        self.write_file(&name, bytes)?;
-        Ok(name)
-    }
-
-    /// Writes a file at a path relative to the folder; returns its full path.
-    fn write_file(&mut self, name: &str, bytes: &[u8]) -> Result<PathBuf, SceneError> {
-        let path = self.root.join(name);
-        let written = path
-            .parent()
-            .map_or(Ok(()), std::fs::create_dir_all)
-            .and_then(|()| std::fs::write(&path, bytes));
-        written.map_err(|e| self.unwritable(&path, e))?;
-        self.files.push(path.clone());
-        Ok(path)
-    }
-
-    /// Creates the error for a file that cannot be written.
-    fn unwritable(&self, file: &Path, reason: impl std::fmt::Display) -> SceneError {
-        SceneError::Unwritable {
-            file: file.to_owned(),
-            reason: reason.to_string(),
-        }
-    }
 }
 
 /// State while a scene is exported.

@@ -12,9 +12,9 @@
 
 use glam::Vec3;
 
+use super::output_folder::{OutputFolder, scene_note};
 use super::texture::{TexelConversion, TextureWriter};
 use super::xml::Xml;
-use super::{OutputFolder, scene_note};
 use crate::model_differences;
 use lumbre_light::scene::desc::{
     DelayKind, Distribution, MaskMode, MaterialDesc, Model, TextureSlot,

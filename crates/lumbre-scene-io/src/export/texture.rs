@@ -8,7 +8,7 @@ use exr::prelude::{
 use glam::{Affine2, DAffine3, Vec2, Vec3};
 use image::ExtendedColorType;
 
-use super::OutputFolder;
+use super::output_folder::OutputFolder;
 use crate::export::xml::Xml;
 use lumbre_light::scene::SceneError;
 use lumbre_light::scene::compile::Curve;

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use glam::{DMat3, DVec3};
 
-use super::scene_note;
+use super::output_folder::scene_note;
 use lumbre_light::scene::Note;
 use lumbre_light::scene::desc::{
     EntityDesc, FilterChoice, Lookup, MaterialDesc, MaterialNames, MeshDesc, SceneDesc,

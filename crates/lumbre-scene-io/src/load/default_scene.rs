@@ -6,10 +6,14 @@ use std::sync::Arc;
 
 use glam::{BVec3, DVec3, Vec3};
 
-use super::scn;
 use lumbre_light::scene::desc::{
     CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Transform,
 };
+
+/// Default resolution in pixels.
+pub(crate) const DEFAULT_RESOLUTION: [u32; 2] = [1280, 720];
+/// Default greatest number of path edges.
+pub(crate) const DEFAULT_MAX_DEPTH: u32 = 5;
 
 /// Number of vertices up to which a bounding box is computed from all vertices; beyond, bounding
 /// boxes of meshes are transformed instead.
@@ -32,8 +36,8 @@ pub fn scene(path: &Path, mesh: MeshDesc, materials: Vec<MaterialDesc>) -> Scene
     }];
     SceneDesc {
         views: Vec::new(),
-        resolution: scn::DEFAULT_RESOLUTION,
-        max_depth: scn::DEFAULT_MAX_DEPTH,
+        resolution: DEFAULT_RESOLUTION,
+        max_depth: DEFAULT_MAX_DEPTH,
         camera: framing_camera(bounds(&entities)),
         materials: materials.into(),
         entities: entities.into(),

@@ -20,92 +20,22 @@ mod packed;
 mod pbrt;
 mod ply;
 mod polygon;
+mod reading;
+mod row;
 mod scn;
 mod spectrum;
 mod unknown;
 
 pub use images::load as texture;
 pub(crate) use pbrt::environment_square;
+pub(crate) use reading::{canonical, open, read_file, unreadable, with_lenient_hint};
+pub use row::{FormatRow, Loader, MissingTextures, SupportedElement, Variables, VariablesLoader};
 
-use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::stage::{self, Stage};
 use lumbre_light::scene::{Note, SceneDesc, SceneError, note};
-
-/// A row of [`FORMATS`]: one scene format.
-#[derive(Debug)]
-pub struct FormatRow {
-    /// Short name of the format.
-    pub name: &'static str,
-    /// File extensions in lower case, without the dot.
-    pub extensions: &'static [&'static str],
-    /// Description of the format, in a sentence.
-    pub doc: &'static str,
-    /// Returns whether the first bytes of a file without a known extension look like this format.
-    pub sniff: fn(&[u8]) -> bool,
-    /// Reads a file of this format.
-    pub load: Loader,
-    /// Reads a file with values for variables that it names, where the format has any.
-    pub load_with_variables: Option<VariablesLoader>,
-    /// Whether files are usually models without lights. Those get a [studio](crate::stage).
-    pub is_model: bool,
-    /// Supported elements or keys.
-    pub supported: &'static [SupportedElement],
-}
-
-/// A row of a format's table of supported elements or keys.
-#[derive(Clone, Copy, Debug)]
-pub struct SupportedElement {
-    /// Names in the format, each between backticks, or a description of the remaining elements.
-    pub name: &'static str,
-    /// Result of loading the element; empty if it is not supported.
-    pub support: &'static str,
-    /// Parts that become a note or an error instead.
-    pub limits: &'static str,
-}
-
-/// Loader of a scene file.
-pub type Loader = fn(&Path, MissingTextures) -> Result<(SceneDesc, Vec<Note>), SceneError>;
-
-/// Values of variables of a scene file, by name.
-pub type Variables = BTreeMap<String, String>;
-
-/// Loader of a scene file with values for its variables. A variable that the file does not name is an
-/// error.
-pub type VariablesLoader =
-    fn(&Path, MissingTextures, &Variables) -> Result<(SceneDesc, Vec<Note>), SceneError>;
-
-/// Policy for a material whose texture cannot be read.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum MissingTextures {
-    /// Loading fails with an error that names the material and the file.
-    #[default]
-    Fail,
-    /// The parameter keeps its constant value, with a [`Note`] that names the material and the
-    /// file.
-    Note,
-}
-
-/// Adds a hint at `--lenient` to an error about a texture.
-fn with_lenient_hint(e: SceneError) -> SceneError {
-    match e {
-        SceneError::Malformed {
-            file,
-            place,
-            problem,
-        } => SceneError::Malformed {
-            file,
-            place,
-            problem: format!(
-                "{problem} (pass `--lenient` to use the material's constant value instead)"
-            ),
-        },
-        other => other,
-    }
-}
 
 /// Every scene format, in the order in which they are tried on files without a known extension.
 pub const FORMATS: &[FormatRow] = &[
@@ -297,53 +227,6 @@ fn format_of(path: &Path) -> Result<&'static FormatRow, SceneError> {
 /// Returns whether a path is a folder that contains a scene.
 pub fn is_folder(path: &Path) -> bool {
     path.is_dir() && path.join(folder::SCENE_FILE).is_file()
-}
-
-fn unreadable(path: &Path, reason: impl std::fmt::Display) -> SceneError {
-    SceneError::Unreadable {
-        file: path.to_owned(),
-        reason: reason.to_string(),
-    }
-}
-
-/// Returns the canonical path of a file, or the path itself if there is no such file.
-fn canonical(path: &Path) -> PathBuf {
-    path.canonicalize().unwrap_or_else(|_| path.to_owned())
-}
-
-/// Opens a regular file and returns its length in bytes. Pipes and devices are refused, since they
-/// could block or never end.
-fn open(path: &Path) -> Result<(File, u64), SceneError> {
-    files::check(path).map_err(|e| unreadable(path, e))?;
-    let meta = std::fs::metadata(path).map_err(|e| unreadable(path, e))?;
-    if !meta.is_file() {
-        return Err(unreadable(path, "it is not a regular file"));
-    }
-    files::record(path);
-    Ok((
-        File::open(path).map_err(|e| unreadable(path, e))?,
-        meta.len(),
-    ))
-}
-
-/// Reads a file of at most `limit` bytes. No more is read than its reported length, since special
-/// files of length zero could block or never end.
-fn read_file(path: &Path, limit: u64) -> Result<Vec<u8>, SceneError> {
-    let (file, length) = open(path)?;
-    if length > limit {
-        return Err(unreadable(
-            path,
-            format!(
-                "the file is larger than {} MiB, the limit for files of this type",
-                limit >> 20
-            ),
-        ));
-    }
-    let mut bytes = Vec::new();
-    file.take(length)
-        .read_to_end(&mut bytes)
-        .map_err(|e| unreadable(path, e))?;
-    Ok(bytes)
 }
 
 #[cfg(test)]

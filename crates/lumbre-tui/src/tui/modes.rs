@@ -50,53 +50,33 @@ pub enum ChartX {
     Samples,
 }
 
-/// Content of the picture pane.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum PictureMode {
-    /// The picture that is being rendered.
-    #[default]
-    Live,
-    /// The reference image of the cell.
-    Reference,
-    /// Absolute error of every pixel.
-    Difference,
-    /// FLIP error: the difference seen when alternating between picture and reference.
-    Flip,
-    /// Thumbnails of the per-strategy films of the last cell that stored them.
-    Strategies,
-    /// One frame of the time-resolved film.
-    Time,
+lumbre_light::named! {
+    /// Content of the picture pane.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub enum PictureMode {
+        /// The picture that is being rendered.
+        #[default]
+        Live = "live",
+        /// The reference image of the cell.
+        Reference = "reference",
+        /// Absolute error of every pixel.
+        Difference = "difference",
+        /// FLIP error: the difference seen when alternating between picture and reference.
+        Flip = "flip",
+        /// Thumbnails of the per-strategy films of the last cell that stored them.
+        Strategies = "strategies",
+        /// One frame of the time-resolved film.
+        Time = "time",
+    }
 }
 
 impl PictureMode {
-    /// All modes, in the order in which keys cycle through them.
-    pub const ALL: [PictureMode; 6] = [
-        PictureMode::Live,
-        PictureMode::Reference,
-        PictureMode::Difference,
-        PictureMode::Flip,
-        PictureMode::Strategies,
-        PictureMode::Time,
-    ];
-
     /// Whether the mode compares with a reference.
     pub fn needs_reference(self) -> bool {
         matches!(
             self,
             PictureMode::Reference | PictureMode::Difference | PictureMode::Flip
         )
-    }
-
-    /// Name of the mode in the command bar.
-    pub fn name(self) -> &'static str {
-        match self {
-            PictureMode::Live => "live",
-            PictureMode::Reference => "reference",
-            PictureMode::Difference => "difference",
-            PictureMode::Flip => "flip",
-            PictureMode::Strategies => "strategies",
-            PictureMode::Time => "time",
-        }
     }
 }
 

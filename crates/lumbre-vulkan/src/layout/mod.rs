@@ -12,6 +12,7 @@ mod scene;
 mod specialization;
 mod subpaths;
 
+use lumbre_light::scene::compile::Model;
 use lumbre_render::path_trace::MAX_PATH_EVENTS;
 
 pub use film::{
@@ -143,15 +144,9 @@ pub enum ListStep {
     Vertices,
 }
 
-/// Constants that both sides refer to by name.
+/// Constants that both sides refer to by name, besides the models of materials.
 pub const CONSTANTS: &[(&str, u32)] = &[
     ("NONE", u32::MAX),
-    ("MODEL_DISNEY", 0),
-    ("MODEL_LAMBERT", 1),
-    ("MODEL_CONDUCTOR", 2),
-    ("MODEL_PLASTIC", 3),
-    ("MODEL_DIELECTRIC", 4),
-    ("MODEL_TRANSLUCENT", 5),
     ("DISTRIBUTION_GGX", 0),
     ("DISTRIBUTION_BECKMANN", 1),
     ("MASK_THRESHOLD", 0),
@@ -205,6 +200,10 @@ pub fn glsl() -> String {
     );
     for (name, value) in CONSTANTS {
         text.push_str(&format!("const uint {name} = {value}u;\n"));
+    }
+    for model in Model::ALL {
+        let name = model.name().to_uppercase();
+        text.push_str(&format!("const uint MODEL_{name} = {}u;\n", model as u32));
     }
     for s in structs() {
         text.push_str(&format!("\n//{}\nstruct {} {{\n", s.doc, s.name));

@@ -4,7 +4,7 @@
 use std::mem::offset_of;
 
 use ash::vk;
-use lumbre_light::scene::compile::NONE;
+use lumbre_light::scene::compile::{Model, NONE};
 
 /// Specialisation constant of the shaders.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,7 +53,7 @@ specialization! {
     /// SAMPLER_INDEPENDENT, SAMPLER_SOBOL, or SAMPLER_ZSOBOL plus the binary logarithm of a block.
     sampler_kind: "SAMPLER_KIND" "uint" false = 0,
     /// Bit mask of the material models of the scene.
-    models: "MODELS" "uint" false = 63,
+    models: "MODELS" "uint" false = (1 << Model::ALL.len()) - 1,
     /// Whether the film has layers.
     layers: "LAYERS" "bool" false = 0,
     /// Whether the events of paths are recorded.

@@ -22,27 +22,15 @@ use lumbre_light::scene::compile::{self, MaskMode, Model, NONE};
 use lumbre_light::scene::desc::TextureFilter;
 use lumbre_light::transport::light::{LightSelection, Lights};
 
-/// Material models that have shaders, by their number in GLSL.
-pub const MODELS: &[Model] = &[
-    Model::Disney,
-    Model::Lambert,
-    Model::Conductor,
-    Model::Plastic,
-    Model::Dielectric,
-    Model::Translucent,
-];
+/// Material models that have shaders.
+pub const MODELS: &[Model] = &Model::ALL;
 
 /// Returns the models of a scene as a bit mask of their numbers in GLSL.
 pub fn models(scene: &CompiledScene) -> u32 {
     scene
         .materials
         .iter()
-        .fold(0, |bits, m| bits | 1 << model_number(m.model))
-}
-
-/// Returns the number of a model; scenes with unsupported models are refused earlier.
-fn model_number(model: Model) -> u32 {
-    MODELS.iter().position(|known| *known == model).unwrap_or(0) as u32
+        .fold(0, |bits, m| bits | 1 << m.model as u32)
 }
 
 /// Buffers of a scene that do not depend on the job: shared by all runs that render it.
@@ -293,7 +281,7 @@ fn material(m: &compile::Material) -> layout::Material {
     layout::Material {
         base_color: m.base_color.into(),
         emission: m.emission.into(),
-        model: model_number(m.model),
+        model: m.model as u32,
         roughness: m.roughness,
         metallic: m.metallic,
         opacity: m.opacity,

@@ -5,22 +5,12 @@ use std::sync::Arc;
 use ash::vk;
 use bytemuck::Pod;
 
-use super::once_per_key::OncePerKey;
+pub use super::bound_resource::BoundResource;
+pub use super::registry::{Pipeline, PipelineRegistry};
 use super::statistics;
 use crate::context::device::Device;
 use crate::error::VulkanError;
 use crate::layout::Specialization;
-use crate::memory::buffer::Buffer;
-
-/// Resource that is bound to a descriptor set.
-pub enum BoundResource<'a> {
-    /// A buffer of constants, which all invocations read at the same place.
-    Uniform(&'a Buffer),
-    /// A storage buffer.
-    Storage(&'a Buffer),
-    /// An acceleration structure.
-    Acceleration(vk::AccelerationStructureKHR),
-}
 
 /// Descriptor set with its layout: binding `i` is the `i`-th resource.
 pub struct Bindings {
@@ -273,34 +263,6 @@ impl Drop for Module {
         }
         // SAFETY: pipelines do not need the module after their creation.
         unsafe { self.device.raw.destroy_shader_module(self.raw, None) };
-    }
-}
-
-/// Pipelines of a device by the hash of everything they are made of, shared by all runs. A new
-/// scene, seed or resolution needs no new pipeline, nor does a return to an earlier technique.
-#[derive(Default)]
-pub struct PipelineRegistry(OncePerKey<Pipeline>);
-
-/// Pipeline with its layout. Owned by the device.
-#[derive(Clone, Copy)]
-pub struct Pipeline {
-    /// Handle of the layout.
-    pub layout: vk::PipelineLayout,
-    /// Handle of the pipeline.
-    pub raw: vk::Pipeline,
-}
-
-impl PipelineRegistry {
-    /// Returns the number of pipelines created so far.
-    pub fn count(&self) -> usize {
-        self.0.values().len()
-    }
-
-    /// Removes all pipelines, before their device is destroyed.
-    pub fn drain(&self) -> impl Iterator<Item = Pipeline> {
-        let all = self.0.values();
-        self.0.clear();
-        all.into_iter()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::io::Write as _;
 
-use super::super::texts::TEXTS;
+use super::super::sources::TEXTS;
 use super::*;
 
 const HEAD: &str = "#version 460\n#extension GL_GOOGLE_include_directive : require\n";

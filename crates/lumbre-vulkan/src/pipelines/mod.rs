@@ -4,6 +4,7 @@
 //! pipelines, `once_per_key` creates every pipeline once, and [`test_kernel`] runs single GLSL functions
 //! in tests. [`glsl`] compiles modules by an installed compiler, and `shrink` makes them smaller.
 
+mod bound_resource;
 pub mod cache;
 mod committed;
 pub mod compute;
@@ -13,8 +14,10 @@ pub mod modules;
 mod once_per_key;
 pub mod program;
 pub mod ray_tracing;
+mod registry;
+mod shader_error;
 mod shrink;
 pub mod sources;
 pub mod statistics;
 pub mod test_kernel;
-pub mod texts;
+mod tracing_mode;

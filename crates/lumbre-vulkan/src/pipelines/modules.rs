@@ -9,9 +9,9 @@ use std::fmt::Write;
 
 use lumbre_light::transport::integrator::INTEGRATORS;
 
-use super::program::TracingMode;
 use super::sources::Sources;
-use super::texts::TEXTS;
+use super::sources::TEXTS;
+use super::tracing_mode::TracingMode;
 use crate::films::device_film::SplatMode;
 
 /// Everything that a module is made of.

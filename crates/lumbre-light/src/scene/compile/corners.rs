@@ -1,6 +1,6 @@
 //! Optional vertex attributes of triangles: colours and the second set of texture coordinates.
 
-use glam::Vec3;
+use glam::{DMat3, Vec3};
 
 use super::{CompiledScene, Uv};
 use crate::scene::desc::MeshDesc;
@@ -64,4 +64,13 @@ impl CompiledScene {
             second: second.to_array(),
         }
     }
+}
+
+/// Returns det(L) L^-T, which also exists if L is singular.
+pub(super) fn cofactor(linear: DMat3) -> DMat3 {
+    DMat3::from_cols(
+        linear.y_axis.cross(linear.z_axis),
+        linear.z_axis.cross(linear.x_axis),
+        linear.x_axis.cross(linear.y_axis),
+    )
 }

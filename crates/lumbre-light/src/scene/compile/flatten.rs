@@ -8,11 +8,12 @@ use glam::Vec3;
 use super::instance::Instances;
 use super::instancing::{self, Sharing};
 use super::mesh::{add_mesh, in_range, mesh_entities, push_emitter, with_own_direction};
+use super::resolver::{MaterialResolver, malformed};
 use super::{CompiledScene, NONE, Sphere, bounds, lights, materials};
 use crate::math::distribution::AliasTable;
 use crate::scene::desc::{
-    CameraDesc, CameraKind, EntityDesc, MAX_COORDINATE, MaterialNames, SceneDesc, ShapeDesc,
-    VIEW_HEIGHT_RANGE, content_hash,
+    CameraDesc, CameraKind, EntityDesc, MAX_COORDINATE, SceneDesc, ShapeDesc, VIEW_HEIGHT_RANGE,
+    content_hash,
 };
 use crate::scene::{Note, SceneError, note};
 use crate::value::schema::SchemaError;
@@ -51,11 +52,7 @@ pub fn compile_sharing(
 ) -> Result<(CompiledScene, Vec<Note>), SceneError> {
     let mut notes = Vec::new();
     let mut scene = without_surfaces(desc, &mut notes)?;
-    let mut resolver = MaterialResolver {
-        desc,
-        names: desc.material_names(),
-        notes,
-    };
+    let mut resolver = MaterialResolver::new(desc, notes);
     let mut entities = mesh_entities(&mut scene, &mut resolver)?;
     let instances = instancing::extract_instances(&scene, &mut entities, sharing);
     let spheres = desc
@@ -189,15 +186,6 @@ fn check_lights(scene: &CompiledScene, notes: &mut Vec<Note>) -> Result<(), Scen
     Ok(())
 }
 
-/// Creates an error about a place in a file; the path is empty if no file is concerned.
-pub(super) fn malformed(file: &Path, place: String, problem: String) -> SceneError {
-    SceneError::Malformed {
-        file: file.to_owned(),
-        place,
-        problem,
-    }
-}
-
 /// Returns a camera as [`compile`] does: with a usable up direction. Nothing else of a compiled
 /// scene depends on the camera.
 ///
@@ -270,28 +258,6 @@ pub fn compile_camera(
         });
     }
     Ok(camera)
-}
-
-/// Finds materials by name, and notes each unknown name.
-pub(super) struct MaterialResolver<'a> {
-    pub desc: &'a SceneDesc,
-    names: MaterialNames<'a>,
-    pub notes: Vec<Note>,
-}
-
-impl MaterialResolver<'_> {
-    /// Returns the index of the material, or 0 with a note if the name is unknown.
-    pub fn index(&mut self, name: &str, file: &Path, place: &str) -> u32 {
-        if let Some(i) = self.names.index(name) {
-            return i as u32;
-        }
-        self.notes.push(Note {
-            file: file.to_owned(),
-            place: place.to_owned(),
-            message: format!("no material is named `{name}`; the first material is used"),
-        });
-        0
-    }
 }
 
 /// Appends a sphere, and its emitter if it emits light.

@@ -9,7 +9,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use glam::{DAffine3, DMat3, Mat3, Vec3, Vec4};
+use glam::{DAffine3, Mat3, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
 use super::mesh::on_front_side;
@@ -69,15 +69,6 @@ impl Instance {
     pub fn point(&self, p: Vec3) -> Vec3 {
         self.to_world.transform_point3(p.as_dvec3()).as_vec3()
     }
-}
-
-/// Returns det(L) L^-T, which also exists if L is singular.
-pub(super) fn cofactor(linear: DMat3) -> DMat3 {
-    DMat3::from_cols(
-        linear.y_axis.cross(linear.z_axis),
-        linear.z_axis.cross(linear.x_axis),
-        linear.x_axis.cross(linear.y_axis),
-    )
 }
 
 impl CompiledScene {

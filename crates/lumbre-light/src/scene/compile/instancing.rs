@@ -6,11 +6,12 @@ use std::path::Path;
 use glam::{DMat3, DVec3, Mat3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
-use super::flatten::malformed;
-use super::instance::{Instance, SharedMesh, cofactor};
+use super::corners::cofactor;
+use super::instance::{Instance, SharedMesh};
 use super::mesh::{
     MeshEntity, area_and_front, in_range, note_dropped, on_front_side, push_emitter,
 };
+use super::resolver::malformed;
 use super::{CompiledScene, NONE, TriangleAttributes, corners, tangents};
 use crate::math::distribution::AliasTable;
 use crate::scene::{Note, SceneError};

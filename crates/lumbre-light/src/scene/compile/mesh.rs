@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec3, Vec2, Vec3};
 
-use super::flatten::{MaterialResolver, malformed};
-use super::instance::cofactor;
+use super::corners::cofactor;
+use super::resolver::{MaterialResolver, malformed};
 use super::{CompiledScene, Emitter, Material, NONE, TriangleAttributes, corners, tangents};
 use crate::scene::desc::{EntityDesc, MAX_COORDINATE, MeshDesc, ShapeDesc};
 use crate::scene::{Note, SceneError};

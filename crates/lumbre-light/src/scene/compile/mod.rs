@@ -10,6 +10,7 @@ mod lights;
 mod materials;
 mod memory;
 mod mesh;
+mod resolver;
 mod shared_texels;
 mod tangents;
 mod texels;

@@ -14,38 +14,21 @@ use super::{MaterialDesc, MaterialNames, SceneDesc};
 use crate::value::Value;
 use crate::value::schema::{SchemaError, Ty};
 
-/// Type of a temporal profile.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum DelayKind {
-    /// Light is returned without delay.
-    None,
-    /// A constant delay.
-    Constant,
-    /// An exponential distribution with the density `rate exp(-rate x)`.
-    Exponential,
-    /// An Epanechnikov distribution with the density `3 / (4 width) (1 - ((x - mean) / width)^2)`.
-    Epanechnikov,
-    /// A piecewise linear density.
-    Table,
-}
-
-impl DelayKind {
-    /// Every type, in the order of [`DelayKind::NAMES`].
-    pub const ALL: [DelayKind; 5] = [
-        DelayKind::None,
-        DelayKind::Constant,
-        DelayKind::Exponential,
-        DelayKind::Epanechnikov,
-        DelayKind::Table,
-    ];
-
-    /// Names of the types in scripts and scene files.
-    pub const NAMES: &'static [&'static str] =
-        &["none", "constant", "exponential", "epanechnikov", "table"];
-
-    /// Returns the name of the type.
-    pub fn name(self) -> &'static str {
-        DelayKind::NAMES[self as usize]
+crate::named! {
+    /// Type of a temporal profile.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+    pub enum DelayKind {
+        /// Light is returned without delay.
+        None = "none",
+        /// A constant delay.
+        Constant = "constant",
+        /// An exponential distribution with the density `rate exp(-rate x)`.
+        Exponential = "exponential",
+        /// An Epanechnikov distribution with the density `3 / (4 width) (1 - ((x - mean) /
+        /// width)^2)`.
+        Epanechnikov = "epanechnikov",
+        /// A piecewise linear density.
+        Table = "table",
     }
 }
 

@@ -98,27 +98,15 @@ pub struct EnvironmentDesc {
     pub sampling: EnvironmentSampling,
 }
 
-/// Distribution with which directions towards an environment map are sampled.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub enum EnvironmentSampling {
-    /// In proportion to the luminance of the map.
-    #[default]
-    Luminance,
-    /// The same density in every direction.
-    Uniform,
-}
-
-impl EnvironmentSampling {
-    /// Both distributions, in the order of [`EnvironmentSampling::NAMES`].
-    pub const ALL: [EnvironmentSampling; 2] =
-        [EnvironmentSampling::Luminance, EnvironmentSampling::Uniform];
-
-    /// Names of the distributions in scripts.
-    pub const NAMES: &'static [&'static str] = &["luminance", "uniform"];
-
-    /// Returns the name of the distribution.
-    pub fn name(self) -> &'static str {
-        EnvironmentSampling::NAMES[self as usize]
+crate::named! {
+    /// Distribution with which directions towards an environment map are sampled.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+    pub enum EnvironmentSampling {
+        /// In proportion to the luminance of the map.
+        #[default]
+        Luminance = "luminance",
+        /// The same density in every direction.
+        Uniform = "uniform",
     }
 }
 

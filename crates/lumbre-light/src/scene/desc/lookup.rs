@@ -3,51 +3,29 @@
 use glam::Affine2;
 use serde::{Deserialize, Serialize};
 
-/// Continuation of a texture beyond its edges, along one axis.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub enum Wrap {
-    /// Repeats the texture.
-    #[default]
-    Repeat,
-    /// Repeats the texture, every second copy mirrored.
-    Mirror,
-    /// Extends the texels at the edge.
-    Clamp,
-}
-
-impl Wrap {
-    /// Every mode, in the order of [`Wrap::NAMES`].
-    pub const ALL: [Wrap; 3] = [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp];
-
-    /// Names of the modes in scripts.
-    pub const NAMES: &'static [&'static str] = &["repeat", "mirror", "clamp"];
-
-    /// Returns the name of the mode.
-    pub fn name(self) -> &'static str {
-        Wrap::NAMES[self as usize]
+crate::named! {
+    /// Continuation of a texture beyond its edges, along one axis.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+    pub enum Wrap {
+        /// Repeats the texture.
+        #[default]
+        Repeat = "repeat",
+        /// Repeats the texture, every second copy mirrored.
+        Mirror = "mirror",
+        /// Extends the texels at the edge.
+        Clamp = "clamp",
     }
 }
 
-/// Interpolation between the texels of a texture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub enum TextureFilter {
-    /// Interpolates linearly between the centres of four texels.
-    #[default]
-    Bilinear,
-    /// Takes the texel that contains the point.
-    Nearest,
-}
-
-impl TextureFilter {
-    /// Every filter, in the order of [`TextureFilter::NAMES`].
-    pub const ALL: [TextureFilter; 2] = [TextureFilter::Bilinear, TextureFilter::Nearest];
-
-    /// Names of the filters in scripts.
-    pub const NAMES: &'static [&'static str] = &["bilinear", "nearest"];
-
-    /// Returns the name of the filter.
-    pub fn name(self) -> &'static str {
-        TextureFilter::NAMES[self as usize]
+crate::named! {
+    /// Interpolation between the texels of a texture.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+    pub enum TextureFilter {
+        /// Interpolates linearly between the centres of four texels.
+        #[default]
+        Bilinear = "bilinear",
+        /// Takes the texel that contains the point.
+        Nearest = "nearest",
     }
 }
 

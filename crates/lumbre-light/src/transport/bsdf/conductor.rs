@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::facets::{Facets, mirrored};
-use super::interface::InterfaceOutgoing;
+use super::interface_outgoing::InterfaceOutgoing;
 use super::{LobeSample, MixtureSample};
 use crate::math::real::{Mask, Real, Vector};
 

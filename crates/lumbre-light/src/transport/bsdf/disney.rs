@@ -20,7 +20,8 @@ use super::diffuse::Diffuse;
 use super::fresnel;
 use super::ggx::{Ggx, HalfVector};
 use super::glass::Refraction;
-use super::{MixtureSample, TransportMode, flipped};
+use super::lobe::flipped;
+use super::{MixtureSample, TransportMode};
 use crate::math::real::{Mask, Real, Vector};
 use crate::math::{Frame, warp};
 

@@ -4,7 +4,7 @@
 use glam::Vec3;
 
 use super::facets::{Facets, mirrored};
-use super::interface::InterfaceOutgoing;
+use super::interface_outgoing::InterfaceOutgoing;
 use super::{LobeSample, MixtureSample, TransportMode, dielectric, fresnel};
 use crate::math::real::{Mask, Real, Vector};
 

@@ -11,9 +11,11 @@ use super::conductor::Conductor;
 use super::facets::Facets;
 use super::ggx::Ggx;
 use super::glass::Glass;
+use super::interface_outgoing::InterfaceOutgoing;
+use super::lobe::flipped;
 use super::material::{BsdfClass, MaterialConstants};
 use super::plastic::{Plastic, PlasticSide};
-use super::{MixtureSample, TransportMode, flipped};
+use super::{MixtureSample, TransportMode};
 use crate::math::real::{Mask, Real, Vector};
 use crate::scene::compile::Model;
 
@@ -26,23 +28,6 @@ pub enum InterfaceBsdf<V: Vector = Vec3> {
     Plastic(Plastic<V>),
     /// Smooth, rough or thin glass.
     Glass(Glass<V>),
-}
-
-/// Quantities of the BSDF that depend on `wo` alone, computed once for all directions that are
-/// combined with it.
-#[derive(Clone, Copy, Debug)]
-pub struct InterfaceOutgoing<V: Vector = Vec3> {
-    /// The direction `wo` in the local frame, mirrored to the upper side.
-    pub(super) o: V,
-    /// Whether `wo` was mirrored.
-    below: <V::Scalar as Real>::Mask,
-    /// Index of the lower side relative to the upper one, as seen from `o`; 1 if light does not
-    /// enter.
-    pub(super) eta: V::Scalar,
-    /// Masking of `o` by the microfacets over its cosine.
-    pub(super) masking: V::Scalar,
-    /// Quantities of plastic.
-    pub(super) plastic: PlasticSide<V::Scalar>,
 }
 
 impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> InterfaceBsdf<V> {

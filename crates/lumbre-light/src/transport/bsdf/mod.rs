@@ -54,6 +54,7 @@ pub mod ggx;
 pub mod glass;
 pub mod ideal;
 pub mod interface;
+mod interface_outgoing;
 pub mod lambert;
 mod lobe;
 pub mod material;
@@ -66,12 +67,11 @@ pub mod translucent;
 
 pub use lobe::{LobeSample, MixtureSample, TransportMode};
 pub use material::{BsdfClass, MaterialConstants};
+pub use model::Outgoing;
 pub use packed::{PackedBsdf, PackedClass};
 
 use glam::Vec3;
 
-use self::disney::DisneyOutgoing;
-use self::interface::InterfaceOutgoing;
 use self::lobe::flipped;
 use self::model::BsdfModel;
 use super::surface::ShadingParameters;
@@ -131,22 +131,6 @@ pub struct Bsdf<R: Real = f32> {
     /// Whether all lobes are missing at the back.
     front_only: bool,
     model: BsdfModel<R::Vec3>,
-}
-
-/// The direction to the previous vertex with everything that the BSDF derives from it alone,
-/// computed once for all directions that are combined with it.
-#[derive(Clone, Copy, Debug)]
-pub struct Outgoing<R: Real = f32> {
-    /// The unit direction.
-    pub wo: R::Vec3,
-    /// The direction in the local frame.
-    local: R::Vec3,
-    /// Whether the geometric and the shading normal agree on its side; otherwise the BSDF is black.
-    pub same_side: R::Mask,
-    /// Derived quantities of the model `disney`.
-    disney: DisneyOutgoing<R::Vec3>,
-    /// Derived quantities of the models of interfaces.
-    interface: InterfaceOutgoing<R::Vec3>,
 }
 
 impl<R: Real> Bsdf<R> {

@@ -2,14 +2,31 @@
 
 use super::disney::{Disney, DisneyOutgoing};
 use super::ideal::Ideal;
-use super::interface::{InterfaceBsdf, InterfaceOutgoing};
+use super::interface::InterfaceBsdf;
+use super::interface_outgoing::InterfaceOutgoing;
 use super::material::{BsdfClass, MaterialConstants};
 use super::translucent::Translucent;
-use super::{MixtureSample, Outgoing, TransportMode};
+use super::{MixtureSample, TransportMode};
 use crate::math::Frame;
 use crate::math::real::{Mask, Real, Vector};
 use crate::scene::compile::Model;
 use crate::transport::surface::ShadingParameters;
+
+/// The direction to the previous vertex with everything that the BSDF derives from it alone,
+/// computed once for all directions that are combined with it.
+#[derive(Clone, Copy, Debug)]
+pub struct Outgoing<R: Real = f32> {
+    /// The unit direction.
+    pub wo: R::Vec3,
+    /// The direction in the local frame.
+    pub(super) local: R::Vec3,
+    /// Whether the geometric and the shading normal agree on its side; otherwise the BSDF is black.
+    pub same_side: R::Mask,
+    /// Derived quantities of the model `disney`.
+    pub(super) disney: DisneyOutgoing<R::Vec3>,
+    /// Derived quantities of the models of interfaces.
+    pub(super) interface: InterfaceOutgoing<R::Vec3>,
+}
 
 /// The BSDF of one of the models; all lanes have the same.
 #[derive(Clone, Copy, Debug)]

@@ -11,7 +11,7 @@ use std::f32::consts::FRAC_1_PI;
 use glam::Vec3;
 
 use super::facets::{Facets, mirrored};
-use super::interface::InterfaceOutgoing;
+use super::interface_outgoing::InterfaceOutgoing;
 use super::{LobeSample, MixtureSample, fresnel};
 use crate::math::real::{Mask, Real, Vector};
 use crate::math::warp;

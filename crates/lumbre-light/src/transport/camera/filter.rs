@@ -23,57 +23,24 @@ pub struct FilterSpec {
     pub radius: f32,
 }
 
-/// The shape of a pixel filter.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum FilterKind {
-    /// Constant density up to the radius.
-    Box,
-    /// Density that falls linearly from the centre to the radius.
-    Tent,
-    /// Gaussian with sigma a third of the radius, truncated at the radius in x and in y.
-    Gauss,
-    /// The minimum four-term window of [Harris 1978], which ends smoothly at the radius.
-    BlackmanHarris,
-    /// The filter of S0 under its own name: a Gaussian with sigma twice the radius, not
-    /// truncated (an offset beyond 5.4 sigma is less likely than one 24-bit random number and is
-    /// never drawn). The source also shifts the offset so that it is about the pixel's corner; that
-    /// shift moves the whole picture and is left out.
-    AntialiasingRadius,
-}
-
-/// Every filter with its name in scripts.
-pub const FILTERS: [(FilterKind, &str); 5] = [
-    (FilterKind::Box, "box"),
-    (FilterKind::Tent, "tent"),
-    (FilterKind::Gauss, "gauss"),
-    (FilterKind::BlackmanHarris, "blackman_harris"),
-    (FilterKind::AntialiasingRadius, "antialiasing_radius"),
-];
-
-/// Names of the filters, in the order of [`FILTERS`].
-pub const FILTER_NAMES: [&str; FILTERS.len()] = {
-    let mut names = [""; FILTERS.len()];
-    let mut i = 0;
-    while i < names.len() {
-        names[i] = FILTERS[i].1;
-        i += 1;
-    }
-    names
-};
-
-impl FilterKind {
-    /// Returns the name in scripts.
-    pub fn name(self) -> &'static str {
-        FILTER_NAMES[self as usize]
-    }
-
-    /// Returns the filter with this name.
-    pub fn from_name(name: &str) -> Option<FilterKind> {
-        FILTERS
-            .iter()
-            .find(|(_, n)| *n == name)
-            .map(|(kind, _)| *kind)
+crate::named! {
+    /// The shape of a pixel filter.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    pub enum FilterKind {
+        /// Constant density up to the radius.
+        Box = "box",
+        /// Density that falls linearly from the centre to the radius.
+        Tent = "tent",
+        /// Gaussian with sigma a third of the radius, truncated at the radius in x and in y.
+        Gauss = "gauss",
+        /// The minimum four-term window of [Harris 1978], which ends smoothly at the radius.
+        BlackmanHarris = "blackman_harris",
+        /// The filter of S0 under its own name: a Gaussian with sigma twice the radius, not
+        /// truncated (an offset beyond 5.4 sigma is less likely than one 24-bit random number and
+        /// is never drawn). The source also shifts the offset so that it is about the pixel's
+        /// corner; that shift moves the whole picture and is left out.
+        AntialiasingRadius = "antialiasing_radius",
     }
 }
 
@@ -383,7 +350,8 @@ mod tests {
     /// total mass; significance 0.001 is split over five filters.
     #[test]
     fn every_filter_has_the_density_that_it_says() {
-        for (kind, name) in FILTERS {
+        for kind in FilterKind::ALL {
+            let name = kind.name();
             let f = FilterSpec { kind, radius: 1.25 };
             let (cells, reach) = (60usize, f64::from(f.reach()));
             let n = 200_000u32;
@@ -406,7 +374,10 @@ mod tests {
             assert!((total - 1.0).abs() < 1e-4, "{name}: {total}");
             let expected: Vec<f64> = masses.iter().map(|m| m / total * f64::from(n)).collect();
             let p = stats::chi_square_p(&observed, &expected, 0);
-            assert!(p > stats::sidak(0.001, FILTERS.len()), "{name}: p = {p}");
+            assert!(
+                p > stats::sidak(0.001, FilterKind::ALL.len()),
+                "{name}: p = {p}"
+            );
             assert_eq!(FilterKind::from_name(name), Some(kind));
             assert_eq!(kind.name(), name);
         }
@@ -435,7 +406,8 @@ mod tests {
 
     #[test]
     fn pixels_are_chosen_in_proportion_to_what_they_want() {
-        for (kind, name) in FILTERS {
+        for kind in FilterKind::ALL {
+            let name = kind.name();
             for (radius, q) in [(0.5, 3.2f32), (1.3, 0.4), (2.0, 6.9)] {
                 let f = FilterSpec { kind, radius };
                 let wanted: Vec<f32> = (0..7).map(|i| f.density(q - i as f32 - 0.5)).collect();
@@ -473,7 +445,8 @@ mod tests {
 
     #[test]
     fn the_first_and_the_last_number_stay_within_reach() {
-        for (kind, name) in FILTERS {
+        for kind in FilterKind::ALL {
+            let name = kind.name();
             let f = FilterSpec { kind, radius: 1.25 };
             for u in [0.0, 1.0 - 0.5 * f32::EPSILON] {
                 let [x, y] = f.sample([u, u]);

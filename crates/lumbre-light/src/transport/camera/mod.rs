@@ -5,5 +5,5 @@ pub mod lens;
 mod orthographic;
 mod spherical;
 
-pub use filter::{FILTER_NAMES, FILTERS, FilterKind, FilterSpec};
+pub use filter::{FilterKind, FilterSpec};
 pub use lens::{Camera, CameraConnection};

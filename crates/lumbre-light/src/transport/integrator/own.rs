@@ -2,7 +2,8 @@
 
 use std::sync::OnceLock;
 
-use super::{ALIASES, INTEGRATORS, IntegratorRow, external};
+use super::registry::ALIASES;
+use super::{INTEGRATORS, IntegratorRow, external};
 
 /// Greatest length of the name of a registered integrator.
 const MAX_NAME: usize = 40;

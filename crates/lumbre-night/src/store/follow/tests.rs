@@ -513,10 +513,10 @@ enum Step {
     Wave(usize),
     /// A cell that renders ends.
     End(usize, OutcomeKind),
-    /// A shard of the reference starts.
+    /// A shard of the reference starts, unless one renders.
     StartShard(usize),
-    /// A shard of the reference ends, finished or not.
-    EndShard(usize, bool),
+    /// The shard that renders ends, finished or not.
+    EndShard(bool),
     /// The process is killed, and a new one begins the night again.
     Crash,
 }
@@ -532,7 +532,7 @@ fn any_step() -> impl Strategy<Value = Step> {
         3 => (0usize..3).prop_map(Step::Wave),
         3 => (0usize..3, kind).prop_map(|(cell, kind)| Step::End(cell, kind)),
         1 => (1usize..3).prop_map(Step::StartShard),
-        1 => (1usize..3, any::<bool>()).prop_map(|(number, done)| Step::EndShard(number, done)),
+        1 => any::<bool>().prop_map(Step::EndShard),
         1 => Just(Step::Crash),
     ]
 }
@@ -544,6 +544,8 @@ struct LiveNight<'a> {
     night: Night,
     /// Writers of the cells that render.
     writers: BTreeMap<usize, RunWriter>,
+    /// Number of the shard that renders.
+    shard: Option<usize>,
     waves: u64,
 }
 
@@ -559,6 +561,7 @@ impl LiveNight<'_> {
     /// Begins the night in a new process, which finds finished runs.
     fn begin(&mut self) {
         self.writers.clear();
+        self.shard = None;
         let done: Vec<CellRef> = self.night.all().collect();
         let done = done
             .into_iter()
@@ -631,20 +634,29 @@ impl LiveNight<'_> {
                 let rows = vec![row(2, 0)];
                 self.emit(&Event::ended(CellRef::Cell(i), outcome, rows));
             }
-            Step::StartShard(number) => self.emit(&Event::ShardStarted {
-                shard: shard(number),
-                open: OpenStats::default(),
-                resumed: None,
-            }),
-            Step::EndShard(number, done) => self.emit(&Event::ShardFinished {
-                shard: shard(number),
-                outcome: match done {
-                    true => Outcome::Done(EndCause::limit("8 samples")),
-                    false => Outcome::Interrupted,
-                },
-                last: None,
-                sums: None,
-            }),
+            Step::StartShard(number) => {
+                if self.shard.is_none() {
+                    self.shard = Some(number);
+                    self.emit(&Event::ShardStarted {
+                        shard: shard(number),
+                        open: OpenStats::default(),
+                        resumed: None,
+                    });
+                }
+            }
+            Step::EndShard(done) => {
+                if let Some(number) = self.shard.take() {
+                    self.emit(&Event::ShardFinished {
+                        shard: shard(number),
+                        outcome: match done {
+                            true => Outcome::Done(EndCause::limit("8 samples")),
+                            false => Outcome::Interrupted,
+                        },
+                        last: None,
+                        sums: None,
+                    });
+                }
+            }
             Step::Crash => self.begin(),
         }
     }
@@ -680,6 +692,7 @@ proptest! {
             store: &store,
             night: Night::planned(&plan),
             writers: BTreeMap::new(),
+            shard: None,
             waves: 0,
         };
         live.begin();

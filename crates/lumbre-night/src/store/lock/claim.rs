@@ -78,7 +78,7 @@ enum LockState {
 
 impl Claims {
     /// Creates an empty set of claims and starts the thread that renews them.
-    pub fn new() -> Claims {
+    pub(crate) fn new() -> Claims {
         Claims::with_locks(std::env::var(LOCKS_VARIABLE).map_or(true, |value| value != "none"))
     }
 

@@ -306,26 +306,20 @@ impl PlannedReference {
     }
 }
 
-/// Job scheduler of a cluster.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum SchedulerKind {
-    /// Slurm workload manager.
-    #[default]
-    Slurm,
-    /// HyperQueue task scheduler.
-    Hq,
+lumbre_light::named! {
+    /// Job scheduler of a cluster.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    pub enum SchedulerKind {
+        /// Slurm workload manager.
+        #[default]
+        Slurm = "slurm",
+        /// HyperQueue task scheduler.
+        Hq = "hq",
+    }
 }
 
 impl SchedulerKind {
-    /// Returns the name on the command line and in the record.
-    pub fn name(self) -> &'static str {
-        match self {
-            SchedulerKind::Slurm => "slurm",
-            SchedulerKind::Hq => "hq",
-        }
-    }
-
     /// Returns the programs that submit and cancel jobs.
     pub fn programs(self) -> [&'static str; 2] {
         match self {

@@ -130,7 +130,7 @@ impl Wavefront {
         }
         Some(Wavefront {
             width,
-            technique: visit_technique(job.integrator, SelectTiles)
+            technique: visit_technique(job.integrator.name, SelectTiles)
                 .or_else(|| own_technique::tile_method(job.integrator)),
             small_scene: SmallScene::new_if_small(accel, width),
         })

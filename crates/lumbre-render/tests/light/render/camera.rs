@@ -8,7 +8,6 @@ use lumbre_light::math::stats::{normal_two_sided_p, sidak};
 use lumbre_light::scene::compile::NONE;
 use lumbre_light::scene::desc::{CameraDesc, Optics};
 use lumbre_light::transport::bsdf::{Bsdf, TransportMode};
-use lumbre_light::transport::camera::filter::FILTERS;
 use lumbre_light::transport::camera::{Camera, FilterKind, FilterSpec};
 use lumbre_light::transport::contribution::Contribution;
 use lumbre_light::transport::integrator::camera_path::{ShadowRay, unoccluded};
@@ -478,9 +477,12 @@ fn splats_through_every_filter_have_the_mean_of_camera_rays() {
     );
     scene.camera.focus_distance = Some(1.4);
     let size = [12, 9];
-    let significance = sidak(0.001, FILTERS.len() * 2 * (size[0] * size[1] + 1) as usize);
+    let significance = sidak(
+        0.001,
+        FilterKind::ALL.len() * 2 * (size[0] * size[1] + 1) as usize,
+    );
     let mut films = Vec::new();
-    for (i, (kind, _)) in FILTERS.into_iter().enumerate() {
+    for (i, kind) in FilterKind::ALL.into_iter().enumerate() {
         for aperture in [0.0, 0.15] {
             scene.camera.optics = scene.camera.optics.with_aperture(aperture);
             let scene = Arc::new(scene.clone());

@@ -9,7 +9,6 @@ use lumbre_light::math::warp::uniform_sphere;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{Environment, Material};
 use lumbre_light::scene::desc::{CameraDesc, CameraKind};
-use lumbre_light::transport::camera::filter::FILTERS;
 use lumbre_light::transport::camera::{Camera, FilterKind, FilterSpec};
 use lumbre_light::transport::integrator::INTEGRATORS;
 use lumbre_light::transport::ray::Ray;
@@ -203,7 +202,7 @@ fn radiance_along(kind: CameraKind, camera: &Camera, origin: Vec3, dir: Vec3) ->
 
 #[test]
 fn light_paths_connected_to_the_camera_equal_camera_rays_in_every_pixel() {
-    let filters = FILTERS.map(|(kind, _)| {
+    let filters = FilterKind::ALL.map(|kind| {
         let radius = match kind {
             FilterKind::AntialiasingRadius => 0.4,
             _ => 1.4,

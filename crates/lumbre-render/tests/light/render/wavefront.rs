@@ -7,7 +7,7 @@ use glam::Vec3;
 use lumbre_light::film::time::TimeFilter;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{MaskMode, Material, NONE, Texture};
-use lumbre_light::transport::camera::{FILTERS, FilterSpec};
+use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::transport::delay::Profile;
 use lumbre_light::transport::path_time::Timing;
 use lumbre_light::value::Value;
@@ -245,7 +245,8 @@ fn every_camera_has_the_same_bits_in_lanes() {
             ..DISNEY
         })
     };
-    for (kind, name) in FILTERS {
+    for kind in FilterKind::ALL {
+        let name = kind.name();
         let filter = FilterSpec { kind, radius: 1.25 };
         let job = Job {
             first_sample: 1 << 32,

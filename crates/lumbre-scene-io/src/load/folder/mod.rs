@@ -39,7 +39,7 @@ use serde_json::Value as Json;
 use super::images::ImageCache;
 use super::obj::{Front, Smoothing, load_mesh};
 use super::scn::reader::{Diagnostics, JsonObject, describe, truncated};
-use super::{MissingTextures, read_file, scn, with_lenient_hint};
+use super::{MissingTextures, default_scene, read_file, with_lenient_hint};
 use crate::names::UniqueNames;
 use lumbre_light::scene::desc::{
     CameraDesc, DEFAULT_MATERIAL, EntityDesc, EnvironmentDesc, EnvironmentSource, LightDesc,
@@ -195,7 +195,7 @@ impl FolderLoader<'_> {
         Ok(SceneDesc {
             views: Vec::new(),
             resolution,
-            max_depth: scn::DEFAULT_MAX_DEPTH,
+            max_depth: default_scene::DEFAULT_MAX_DEPTH,
             camera,
             materials: materials.into(),
             entities: entities.into(),
@@ -259,7 +259,7 @@ impl FolderLoader<'_> {
 
     /// Reads the image resolution, keys of the camera.
     fn resolution(&self, camera: &mut JsonObject) -> Result<[u32; 2], SceneError> {
-        let mut resolution = scn::DEFAULT_RESOLUTION;
+        let mut resolution = default_scene::DEFAULT_RESOLUTION;
         for (n, key) in resolution.iter_mut().zip(["xres", "yres"]) {
             if let Some((at, x)) = camera.number(key, self.diagnostics)? {
                 if x.fract() != 0.0 || x < 1.0 || x > f64::from(MAX_SIDE) {

@@ -22,8 +22,8 @@ use serde_json::Value as Json;
 
 use self::document::{Document, GLB_MAGIC};
 use self::material::{MaterialReader, UvSets};
+use super::MissingTextures;
 use super::default_scene;
-use super::{MissingTextures, scn};
 use crate::names::UniqueNames;
 use lumbre_light::scene::desc::{
     CameraDesc, CameraKind, ConeDesc, ConeEdge, DEFAULT_MATERIAL, EntityDesc, LightDesc, LightKind,
@@ -84,8 +84,8 @@ pub(super) fn load(
         .unwrap_or_else(|| default_scene::framing_camera(default_scene::bounds(&loader.entities)));
     let desc = SceneDesc {
         views: Vec::new(),
-        resolution: scn::DEFAULT_RESOLUTION,
-        max_depth: scn::DEFAULT_MAX_DEPTH,
+        resolution: default_scene::DEFAULT_RESOLUTION,
+        max_depth: default_scene::DEFAULT_MAX_DEPTH,
         camera,
         materials: loader.materials.into(),
         entities: loader.entities.into(),
@@ -318,7 +318,7 @@ impl GltfLoader<'_> {
         if !(least..=most).contains(&(2.0 * y)) {
             return None;
         }
-        let [width, height] = scn::DEFAULT_RESOLUTION.map(f64::from);
+        let [width, height] = default_scene::DEFAULT_RESOLUTION.map(f64::from);
         if (x / y * height / width - 1.0).abs() > 2e-3 {
             self.note(
                 &format!("cameras[{i}]"),

@@ -40,7 +40,7 @@ use self::shape::{MeshLoader, SurfaceNeeds, TransformedShape};
 use self::texture::TextureReader;
 use self::tree::{Property, XmlObject};
 use super::materials::Materials;
-use super::{MissingTextures, Variables, default_scene, scn};
+use super::{MissingTextures, Variables, default_scene};
 use crate::names::UniqueNames;
 use lumbre_light::scene::desc::{
     EntityDesc, EnvironmentDesc, LightDesc, MAX_EDGES, SceneDesc, Transform,
@@ -156,7 +156,7 @@ impl MitsubaLoader {
                 .push(second.note("only the first sensor is used; this one is ignored"));
         }
         let max_depth = match root.children("integrator").next() {
-            None => scn::DEFAULT_MAX_DEPTH,
+            None => default_scene::DEFAULT_MAX_DEPTH,
             Some(o) => self.max_depth(o)?,
         };
         let mut visited = BTreeSet::new();

@@ -2,9 +2,9 @@
 
 use glam::{DAffine3, DVec3};
 
-use super::Version;
 use super::params::Params;
 use super::token::truncated;
+use super::version::Version;
 use crate::load::default_scene;
 use crate::load::film::Film;
 use lumbre_light::scene::desc::{CameraDesc, CameraKind, MAX_SIDE, Optics, VIEW_HEIGHT_RANGE};

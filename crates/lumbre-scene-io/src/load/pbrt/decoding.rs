@@ -1,8 +1,8 @@
 //! Decoding of the 8-bit texels of image maps.
 
-use super::Version;
 use super::params::Params;
 use super::token::truncated;
+use super::version::Version;
 use lumbre_light::scene::SceneError;
 use lumbre_light::scene::compile::srgb_to_linear;
 

@@ -5,11 +5,12 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec3, Vec3};
 
+use super::environment;
 use super::params::Params;
 use super::spectrum::{Spectra, Use};
 use super::texture::{TextureContext, TextureReader};
 use super::token::truncated;
-use super::{Version, environment};
+use super::version::Version;
 use crate::load::images::mean_texel;
 use crate::model_differences;
 use lumbre_light::math::luminance::luminance_f32;

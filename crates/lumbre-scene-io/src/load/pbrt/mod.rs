@@ -24,12 +24,14 @@ mod light;
 mod material;
 mod names;
 mod params;
+mod scoped;
 mod shape;
 mod spectrum;
 mod state;
 mod supported;
 mod texture;
 mod token;
+mod version;
 
 pub(crate) use self::environment::to_equal_area as environment_square;
 pub(super) use self::supported::SUPPORTED;
@@ -42,12 +44,13 @@ use glam::{DAffine3, DMat3, DVec3};
 
 use self::light::{AreaSource, Areas, LightReader, SceneLight};
 use self::material::MaterialSource;
-use self::names::Scoped;
 use self::params::Params;
+use self::scoped::Scoped;
 use self::shape::{LoadedShape, ShapeLoader, ShapeOptions};
 use self::spectrum::Spectra;
 use self::state::{MaterialRef, State};
 use self::texture::{TextureContext, TextureReader, TextureValue};
+use self::version::Version;
 use super::materials::Materials;
 use super::{MissingTextures, default_scene};
 use crate::names::UniqueNames;
@@ -62,44 +65,6 @@ const SMALL_ENTITIES: usize = 4096;
 
 /// Default `maxdepth` of the integrators.
 const DEFAULT_MAX_DEPTH: u32 = 5;
-
-/// Version of a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Version {
-    V3,
-    V4,
-}
-
-/// Beginnings of lines that only version 3 has.
-const VERSION_3: [&str; 12] = [
-    "WorldEnd",
-    "Film \"image\"",
-    "Material \"matte\"",
-    "Material \"plastic\"",
-    "Material \"metal\"",
-    "Material \"glass\"",
-    "Material \"mirror\"",
-    "Material \"uber\"",
-    "Material \"substrate\"",
-    "Material \"translucent\"",
-    "Material \"disney\"",
-    "Material \"kdsubsurface\"",
-];
-
-impl Version {
-    /// Returns the version of a file by its directives.
-    fn of(text: &str) -> Version {
-        let is_old = |line: &str| {
-            let line = line.trim_start();
-            VERSION_3.iter().any(|start| line.starts_with(start))
-        };
-        if text.lines().any(is_old) {
-            Version::V3
-        } else {
-            Version::V4
-        }
-    }
-}
 
 /// Returns whether the first bytes of a file look like a scene of pbrt.
 pub(super) fn sniff(head: &[u8]) -> bool {

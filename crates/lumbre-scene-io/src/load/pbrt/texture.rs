@@ -9,8 +9,8 @@ use std::sync::Arc;
 use glam::{Affine2, Vec2, Vec3};
 
 use super::decoding::{Decoding, decoding};
-use super::names::Scoped;
 use super::params::{Param, Params};
+use super::scoped::Scoped;
 use super::spectrum::{Spectra, Use};
 use super::token::truncated;
 use crate::load::images::{self, ImageCache, mean_texel};

@@ -40,6 +40,7 @@ use serde_json::Value as Json;
 
 use self::material::TextureFiles;
 use self::reader::{Diagnostics, JsonObject, describe, numbers, truncated};
+use super::default_scene::{DEFAULT_MAX_DEPTH, DEFAULT_RESOLUTION};
 use super::obj::{Front, Smoothing, load_mesh};
 use super::{MissingTextures, canonical, read_file};
 use crate::names::UniqueNames;
@@ -53,10 +54,6 @@ use lumbre_light::value::suggest;
 /// Greatest size of a `.scn` file in bytes.
 const MAX_SCN_BYTES: u64 = 16 << 20;
 
-/// Default resolution in pixels.
-pub(super) const DEFAULT_RESOLUTION: [u32; 2] = [1280, 720];
-/// Default greatest number of path edges.
-pub(super) const DEFAULT_MAX_DEPTH: u32 = 5;
 /// Default vertical field of view in degrees.
 const DEFAULT_FOV_DEG: f64 = 45.0;
 /// Least and greatest field of view in degrees.

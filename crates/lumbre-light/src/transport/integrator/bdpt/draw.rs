@@ -1,18 +1,9 @@
 //! Light vertices drawn at random from all light subpaths of an iteration, of which one is connected
 //! with a camera vertex.
 
-use super::store::VertexId;
+use super::store::CachedVertex;
 use super::weights::StrategyCounts;
 use crate::transport::integrator::iteration::light_paths::LightPaths;
-
-/// A vertex of a light subpath that can be connected.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct CachedVertex {
-    /// Place of the vertex in memory.
-    pub id: VertexId,
-    /// Number of edges from the light.
-    pub edges: u32,
-}
 
 /// The light subpaths of an iteration, and the list of their vertices that can be connected.
 pub struct LightVertexCache {
@@ -94,6 +85,7 @@ pub fn choose(targets: impl Iterator<Item = f64> + Clone, choice: f32) -> Option
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::transport::integrator::bdpt::store::VertexId;
 
     #[test]
     fn every_cached_vertex_is_drawn_equally_often() {

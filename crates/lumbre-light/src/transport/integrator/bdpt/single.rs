@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::connect::{self, Connection};
 use super::directions::SubpathDirections;
-use super::state::{LightStart, ShadingState, Subpath, Vertex};
+use super::state::{LightStart, ShadingState, Subpath, SubpathVertex, Vertex};
 use super::store::VertexId;
 use super::subpath::{Departure, Step, StepSink};
 use super::weights::StrategyCounts;
@@ -16,21 +16,9 @@ use crate::transport::bsdf::TransportMode;
 use crate::transport::contribution::Contribution;
 use crate::transport::integrator::Context;
 use crate::transport::integrator::camera_path::{Path, TerminatorState, unoccluded};
-use crate::transport::integrator::iteration::light_paths::LightPaths;
 use crate::transport::light::LightPoint;
 use crate::transport::ray::Ray;
 use crate::transport::sampler::Sampler;
-
-/// A vertex of a subpath, with the event that led to the next one.
-#[derive(Clone, Copy)]
-pub struct SubpathVertex {
-    /// The vertex itself, with its BSDF.
-    pub vertex: Vertex,
-    /// Whether the event was a Dirac event.
-    pub delta: bool,
-    /// Index ratio crossed by that event.
-    pub eta: f32,
-}
 
 /// Both subpaths of a sample, reused for the next one so that nothing is allocated per path.
 #[derive(Default)]
@@ -385,14 +373,6 @@ impl Subpaths {
         self.walk(context, (directions, counts), mode, max_edges, &mut subpath);
         *sampler = subpath.path.sampler;
         subpath
-    }
-
-    /// Replaces the light subpath by a shared one.
-    pub fn load_light(&mut self, context: &Context, paths: &LightPaths, path: u64) {
-        self.start = paths.load(context, path, &mut self.light);
-        if let Some(start) = &mut self.start {
-            start.emitted = self.emitted;
-        }
     }
 
     /// Traces a subpath until it ends.

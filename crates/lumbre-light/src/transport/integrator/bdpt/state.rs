@@ -471,3 +471,14 @@ impl<R: Real> LightStart<R> {
         }
     }
 }
+
+/// A vertex of a subpath, with the event that led to the next one.
+#[derive(Clone, Copy)]
+pub struct SubpathVertex {
+    /// The vertex itself, with its BSDF.
+    pub vertex: Vertex,
+    /// Whether the event was a Dirac event.
+    pub delta: bool,
+    /// Index ratio crossed by that event.
+    pub eta: f32,
+}

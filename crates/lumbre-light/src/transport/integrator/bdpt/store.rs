@@ -2,9 +2,9 @@
 
 use std::slice;
 
-use super::single::SubpathVertex;
 use super::state::{
-    PartialsRecord, ShadingRecord, ShadingState, Vertex, VertexRecord, VertexState, load_partials,
+    PartialsRecord, ShadingRecord, ShadingState, SubpathVertex, Vertex, VertexRecord, VertexState,
+    load_partials,
 };
 use super::subpath::Departure;
 use super::weights::MisPartials;
@@ -321,4 +321,13 @@ fn rows<'a, T, const N: usize>(
     } else {
         map_array(ids, |id| &column(&stores[id.unit()])[id.index()])
     }
+}
+
+/// A vertex of a light subpath that can be connected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CachedVertex {
+    /// Place of the vertex in memory.
+    pub id: VertexId,
+    /// Number of edges from the light.
+    pub edges: u32,
 }

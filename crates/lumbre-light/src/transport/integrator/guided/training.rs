@@ -253,7 +253,7 @@ impl Progress {
             let traced = resources.map(count as usize, |context, i| {
                 let (row, columns) = batch_columns(width, first + i as u32);
                 let batch = CameraBatch {
-                    technique: &ROW,
+                    technique: ROW.name,
                     sampler: resources.sampler,
                     seed,
                     sample: self.passes,

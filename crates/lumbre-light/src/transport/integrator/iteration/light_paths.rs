@@ -9,12 +9,11 @@ use crate::transport::bsdf::TransportMode;
 use crate::transport::integrator::Context;
 use crate::transport::integrator::bdpt::connect::Connection;
 use crate::transport::integrator::bdpt::directions::BsdfDirections;
-use crate::transport::integrator::bdpt::draw::CachedVertex;
-use crate::transport::integrator::bdpt::single::SubpathVertex;
+use crate::transport::integrator::bdpt::single::Subpaths;
 use crate::transport::integrator::bdpt::state::{
-    LightStart, ShadingState, Subpath, Vertex, VertexState,
+    LightStart, ShadingState, Subpath, SubpathVertex, Vertex, VertexState,
 };
-use crate::transport::integrator::bdpt::store::{ArrivedAt, VertexId, VertexStore};
+use crate::transport::integrator::bdpt::store::{ArrivedAt, CachedVertex, VertexId, VertexStore};
 use crate::transport::integrator::bdpt::subpath::{Departure, Step, StepSink};
 use crate::transport::integrator::bdpt::weights::StrategyCounts;
 use crate::transport::integrator::camera_path::Path;
@@ -267,6 +266,14 @@ impl LightPaths {
                 edges: event.edges(),
             })
             .collect()
+    }
+
+    /// Replaces the light subpath of a sample by a shared one.
+    pub fn load_into(&self, context: &Context, path: u64, subpaths: &mut Subpaths) {
+        subpaths.start = self.load(context, path, &mut subpaths.light);
+        if let Some(start) = &mut subpaths.start {
+            start.emitted = subpaths.emitted;
+        }
     }
 
     /// Returns a vertex with its BSDF.

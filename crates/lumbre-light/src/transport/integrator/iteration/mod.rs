@@ -18,21 +18,17 @@ pub mod light_paths;
 pub mod photon_map;
 pub mod recorded;
 
-use std::any::Any;
 use std::sync::OnceLock;
 
 use self::light_paths::{LightBatch, LightUnit};
 use self::recorded::{CameraBatch, RecordedPaths, RecordedSamples};
-use super::Context;
+use super::context::Context;
+pub use super::context::Shared;
 use super::settings::Settings;
 use crate::math::rng::pcg4d;
 use crate::transport::MAX_SURVIVAL;
 use crate::transport::contribution::Contribution;
 use crate::transport::sampler::{Sampler, SamplerRow};
-
-/// Data that all samples of an iteration read; integrators recover the type by
-/// [`Context::shared`].
-pub type Shared = dyn Any + Send + Sync;
 
 /// Computes what all iterations of a job need.
 pub type PrepareFn = fn(&Resources) -> Box<Shared>;
@@ -219,17 +215,6 @@ impl<'a> Iteration<'a> {
     /// Returns the index of the sample of a path that belongs to no pixel, one of `paths`.
     fn sample(&self, path: u64, paths: u64) -> u64 {
         self.index.wrapping_mul(paths).wrapping_add(path)
-    }
-}
-
-impl<'a> Context<'a> {
-    /// Returns the data that the integrator computed for this iteration.
-    ///
-    /// # Panics
-    /// Panics if the renderer did not begin the iteration, or if the data are of another type.
-    pub fn shared<T: 'static>(&self) -> &'a T {
-        let data = self.shared.and_then(|shared| shared.downcast_ref());
-        data.expect("the data of the iteration were not computed")
     }
 }
 

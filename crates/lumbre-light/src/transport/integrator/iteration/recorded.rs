@@ -7,8 +7,8 @@ use std::ops::Range;
 use glam::Vec3;
 
 use crate::transport::contribution::Contribution;
+use crate::transport::integrator::Context;
 use crate::transport::integrator::camera_path::{self, CameraPaths, PathState};
-use crate::transport::integrator::{Context, IntegratorRow};
 use crate::transport::sampler::{Sampler, SamplerRow};
 
 /// Greatest number of paths of a batch.
@@ -17,8 +17,8 @@ pub const BATCH_PATHS: u32 = 256;
 /// One camera path of each of several neighbouring pixels of a row.
 #[derive(Clone, Debug)]
 pub struct CameraBatch {
-    /// Technique whose paths they are: one that follows paths from the camera.
-    pub technique: &'static IntegratorRow,
+    /// Name of the integrator whose paths they are: one that follows paths from the camera.
+    pub technique: &'static str,
     /// Generator of random numbers.
     pub sampler: &'static SamplerRow,
     /// Seed of the random numbers.

@@ -1,6 +1,7 @@
 //! The light subpaths of an iteration, and the list of their vertices that can be connected.
 
-use crate::transport::integrator::bdpt::draw::{CachedVertex, LightVertexCache};
+use crate::transport::integrator::bdpt::draw::LightVertexCache;
+use crate::transport::integrator::bdpt::store::CachedVertex;
 use crate::transport::integrator::bdpt::weights::StrategyCounts;
 use crate::transport::integrator::iteration::light_paths::{self, LightPaths};
 use crate::transport::integrator::iteration::{Iteration, Resources, Shared};

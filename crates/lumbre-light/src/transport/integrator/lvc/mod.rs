@@ -24,10 +24,11 @@ use std::cell::RefCell;
 
 use super::bdpt::connect::Connection;
 use super::bdpt::directions::BsdfDirections;
-use super::bdpt::draw::{CachedVertex, LightVertexCache, choose, target};
+use super::bdpt::draw::{LightVertexCache, choose, target};
 use super::bdpt::joins::{Joins, SubpathTechnique};
 use super::bdpt::single::{ConnectedPath, Drawn, Reporter, Subpaths};
 use super::bdpt::state::Vertex;
+use super::bdpt::store::CachedVertex;
 use super::bdpt::store::VertexId;
 use super::iteration::Sharing;
 use super::{Context, IntegratorRow, settings};
@@ -147,7 +148,7 @@ pub fn for_each_path(
     let paths = (index..cache.paths.count()).step_by((width * height) as usize);
     let visit = reporter.visit;
     for path in paths {
-        subpaths.load_light(context, &cache.paths, path);
+        cache.paths.load_into(context, path, subpaths);
         Reporter {
             context,
             directions: BsdfDirections,

@@ -33,7 +33,8 @@ use self::shared::SharedVertices;
 use super::bdpt::directions::BsdfDirections;
 use super::bdpt::joins::{Joins, SubpathTechnique};
 use super::bdpt::merge::{Merged, Merging};
-use super::bdpt::single::{self, ConnectedPath, Reporter, SharedVertex, SubpathVertex, Subpaths};
+use super::bdpt::single::{self, ConnectedPath, Reporter, SharedVertex, Subpaths};
+use super::bdpt::state::SubpathVertex;
 use super::bdpt::state::Vertex;
 use super::iteration::Sharing;
 use super::settings::Join;
@@ -180,7 +181,7 @@ pub fn for_each_path(
 
 /// Loads a light subpath whose vertices are to be connected.
 fn load(context: &Context, shared: &SharedVertices, path: u64, into: &mut Subpaths) {
-    into.load_light(context, &shared.paths, path);
+    shared.paths.load_into(context, path, into);
     for SubpathVertex { vertex, .. } in &mut into.light {
         *vertex = with_merging(context, shared, vertex);
     }

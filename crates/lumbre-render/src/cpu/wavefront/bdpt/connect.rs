@@ -3,17 +3,19 @@
 
 use glam::Vec3;
 
-use super::SplatSink;
 use super::draws::Draws;
-use super::lists::{
-    ConnectionLists, EvaluatedPairs, LensConnection, LightConnection, OwnContributions, VertexPair,
+use super::lists::ConnectionLists;
+use super::pending::{
+    EvaluatedPairs, LensConnection, LightConnection, OwnContributions, VertexPair,
 };
 use super::source::LightSubpaths;
+use super::splats::SplatSink;
+use super::stored::{store_light, stored_light};
 use super::vertices::Vertices;
 use crate::cpu::wavefront::light::{TileLight, store_rays, stored_ray};
 use crate::cpu::wavefront::wave::{PathRecords, TileContext};
-use lumbre_light::math::real::{Double, Mask, Vector};
-use lumbre_light::math::simd::{F32x8, Lanes, SimdKernel, active_lanes, map_array, padded};
+use lumbre_light::math::real::{Double, Mask};
+use lumbre_light::math::simd::{Lanes, SimdKernel, active_lanes, map_array, padded};
 use lumbre_light::transport::contribution::Contribution;
 use lumbre_light::transport::integrator::Context;
 use lumbre_light::transport::integrator::bdpt::connect::{
@@ -156,36 +158,6 @@ impl ShadowQueue {
         }
         lengths.clear();
     }
-}
-
-/// Stores the weighted and the unweighted light of connections in rows, which [`stored_light`]
-/// reads. Each is one of `count` samples of its strategy.
-#[inline(always)]
-pub(super) fn store_light<R: Lanes<N>, const N: usize>(
-    context: &Context,
-    c: &Connection<R, N>,
-    count: f64,
-) -> [F32x8; N] {
-    let black = R::Vec3::broadcast(Vec3::ZERO);
-    let unweighted = c.share(count);
-    let value = unweighted * c.weight(context.settings, count).single();
-    let v = R::Vec3::select(c.found, value, black);
-    let u = R::Vec3::select(c.found, unweighted, black);
-    store_colors::<R, N>([v, u])
-}
-
-/// Stores two colours of each lane in rows, which [`stored_light`] reads.
-#[inline(always)]
-pub(super) fn store_colors<R: Lanes<N>, const N: usize>([v, u]: [R::Vec3; 2]) -> [F32x8; N] {
-    let zero = R::splat(0.0);
-    R::transpose_store([v.x(), v.y(), v.z(), u.x(), u.y(), u.z(), zero, zero])
-}
-
-/// Returns the weighted and the unweighted light from a row of [`store_light`].
-#[inline]
-pub(super) fn stored_light(row: &F32x8) -> [Vec3; 2] {
-    let [r, g, b, x, y, z, ..] = row.0;
-    [Vec3::new(r, g, b), Vec3::new(x, y, z)]
 }
 
 /// Counts the rays of queued contributions, if a layer needs it.

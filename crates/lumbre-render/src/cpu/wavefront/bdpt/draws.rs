@@ -3,8 +3,9 @@
 
 use glam::Vec3;
 
-use super::connect::{ShadowQueue, Target, store_colors, stored_light};
-use super::lists::{OwnContributions, VertexPair};
+use super::connect::{ShadowQueue, Target};
+use super::pending::{OwnContributions, VertexPair};
+use super::stored::{store_colors, stored_light};
 use crate::cpu::wavefront::light::{store_rays, stored_ray};
 use lumbre_light::math::real::Mask;
 use lumbre_light::math::simd::{Lanes, active_lanes};

@@ -1,7 +1,8 @@
 //! Evaluates the listed mergings of a tile, one pair of vertices per lane.
 
-use super::connect::{Connecting, store_colors, stored_light};
-use super::lists::{OwnContributions, VertexPair};
+use super::connect::Connecting;
+use super::pending::{OwnContributions, VertexPair};
+use super::stored::{store_colors, stored_light};
 use lumbre_light::math::real::{Double, Mask};
 use lumbre_light::math::simd::{Lanes, SimdKernel, active_lanes, map_array, padded};
 use lumbre_light::transport::integrator::bdpt::directions::SubpathDirections;

@@ -16,10 +16,14 @@ mod draws;
 mod light_paths;
 mod lists;
 mod merges;
+mod pending;
 mod source;
+mod splats;
+mod stored;
 mod vertices;
 mod walk;
 
+use self::splats::SplatSink;
 use super::light::TileLight;
 use super::wave::{Start, TileContext, Wave};
 use crate::cpu::films::contributions::SampleId;
@@ -28,7 +32,6 @@ use crate::cpu::films::row_film::RowFilm;
 use connect::Connecting;
 use lists::{ConnectionLists, Lister};
 use lumbre_light::transport::bsdf::TransportMode;
-use lumbre_light::transport::contribution::Contribution;
 use lumbre_light::transport::integrator::bdpt::directions::SubpathDirections;
 use lumbre_light::transport::integrator::bdpt::joins::Joins;
 use source::LightSubpaths;
@@ -47,21 +50,6 @@ pub(super) struct SubpathTile {
     vertices: Vertices,
     lists: ConnectionLists,
     light: TileLight,
-}
-
-/// Receives the splats of a tile.
-struct SplatSink<'a, 'f> {
-    tile: &'a TileContext<'a>,
-    film: &'a mut RowFilm<'f>,
-    layers: Option<&'a LayerRowFilm<'a>>,
-}
-
-impl SplatSink<'_, '_> {
-    /// Adds a splat of a path.
-    fn add(&mut self, path: u32, contribution: &Contribution) {
-        let id: SampleId = self.tile.ids[path as usize];
-        self.film.splat_from_sample(id, contribution, self.layers);
-    }
 }
 
 /// Renders the samples of a tile and adds them to the films of their row: all splats, then the

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::connect::{store_light, stored_light};
+use super::stored::{store_light, stored_light};
 use lumbre_light::math::real::Mask;
 use lumbre_light::math::simd::{Lanes, active_lanes, map_array};
 use lumbre_light::scene::compile::NONE;

@@ -11,11 +11,12 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::Loader;
 use super::params::{Param, Params};
 use super::spectrum::{Spectra, Use};
 use super::texture::{self, Captured, ImageTexture, TextureContext, TextureValue, mean};
 use super::token::truncated;
-use super::{Loader, Version};
+use super::version::Version;
 use crate::load::images::is_grey;
 use crate::model_differences;
 use lumbre_light::scene::desc::material_params::MIN_IOR;

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use super::super::Version;
 use super::super::texture::TextureValue;
 use super::MaterialReader;
+use crate::load::pbrt::version::Version;
 use lumbre_light::scene::SceneError;
 use lumbre_light::scene::desc::{Texels, TextureDesc, TextureSlot};
 

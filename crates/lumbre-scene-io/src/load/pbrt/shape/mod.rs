@@ -14,9 +14,9 @@ use std::sync::Arc;
 use flate2::read::GzDecoder;
 use glam::{DAffine3, DVec3, Vec2, Vec3};
 
-use super::Version;
 use super::params::Params;
 use super::token::truncated;
+use super::version::Version;
 use crate::load::packed::{budget, expand};
 use crate::load::{canonical, ply, read_file};
 use lumbre_light::scene::desc::{MeshDesc, ShapeDesc, Transform, mesh_hash};

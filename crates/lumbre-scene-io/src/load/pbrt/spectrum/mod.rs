@@ -13,9 +13,9 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DVec3, Vec3};
 
 use self::table::{GLASSES, ILLUMINANTS, METALS};
-use super::Version;
 use super::params::{Param, Values};
 use super::token::truncated;
+use super::version::Version;
 use crate::load::metals;
 use crate::load::spectrum::{Sampled, to_srgb, under_daylight, xyz};
 use lumbre_light::scene::SceneError;

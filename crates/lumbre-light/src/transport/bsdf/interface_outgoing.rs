@@ -1,0 +1,23 @@
+//! Everything that the models of interfaces derive from the direction to the previous vertex alone.
+
+use glam::Vec3;
+
+use super::plastic::PlasticSide;
+use crate::math::real::{Real, Vector};
+
+/// Quantities of the BSDF that depend on `wo` alone, computed once for all directions that are
+/// combined with it.
+#[derive(Clone, Copy, Debug)]
+pub struct InterfaceOutgoing<V: Vector = Vec3> {
+    /// The direction `wo` in the local frame, mirrored to the upper side.
+    pub(super) o: V,
+    /// Whether `wo` was mirrored.
+    pub(super) below: <V::Scalar as Real>::Mask,
+    /// Index of the lower side relative to the upper one, as seen from `o`; 1 if light does not
+    /// enter.
+    pub(super) eta: V::Scalar,
+    /// Masking of `o` by the microfacets over its cosine.
+    pub(super) masking: V::Scalar,
+    /// Quantities of plastic.
+    pub(super) plastic: PlasticSide<V::Scalar>,
+}
