@@ -207,6 +207,11 @@ fn a_bias_check_has_its_own_technique_and_stops_at_the_first_of_its_limits() {
     assert_eq!(found.stop, StopRule::Samples(9));
     let found = check("{ with = \"nee\" }");
     assert_eq!(found.stop, StopRule::Samples(64), "that of the reference");
+    let found = check("{ with = { integrator = \"bdpt\" } }");
+    assert!(
+        found.config.params.is_empty(),
+        "parameters are those of `with`, also of the same technique"
+    );
 }
 
 #[test]
