@@ -85,9 +85,7 @@ pub fn run(what: &str, out: &Path) -> Result<RunRecord, Failure> {
             }
         }
     }
-    if matching.iter().any(|(.., is_latest)| *is_latest) {
-        matching.retain(|(.., is_latest)| *is_latest);
-    }
+    prefer_latest(&mut matching);
     match matching.as_slice() {
         [] => Err(Failure::usage(error)),
         [(folder, ..)] => read_run(out, &folder.to_string_lossy()).map_err(Failure::usage),
@@ -161,6 +159,13 @@ fn newest(out: &Path) -> Option<PathBuf> {
     })
 }
 
+/// Removes the runs of other nights if some are of the latest one, which the flags tell.
+fn prefer_latest<A, B>(matching: &mut Vec<(A, B, bool)>) {
+    if matching.iter().any(|(.., is_latest)| *is_latest) {
+        matching.retain(|(.., is_latest)| *is_latest);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -204,6 +209,20 @@ mod tests {
         assert_eq!(selected("latest"), Ok("box-3f9a".to_owned()));
         let default = night(None, out.path()).map(|folder| name(&folder));
         assert_eq!(default.map_err(|e| e.message), Ok("box-3f9a".to_owned()));
+    }
+
+    #[test]
+    fn runs_of_the_latest_night_are_preferred() {
+        let preferred = |latest: &[bool]| {
+            let all = latest.iter().enumerate();
+            let mut matching = all.map(|(i, latest)| (i, "run", *latest)).collect();
+            prefer_latest(&mut matching);
+            matching.into_iter().map(|run| run.0).collect::<Vec<_>>()
+        };
+        assert_eq!(preferred(&[false, true, false]), [1]);
+        assert_eq!(preferred(&[true, true]), [0, 1]);
+        assert_eq!(preferred(&[false, false]), [0, 1]);
+        assert!(preferred(&[]).is_empty());
     }
 
     #[test]

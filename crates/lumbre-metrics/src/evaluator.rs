@@ -124,4 +124,25 @@ mod tests {
             Err(MetricError::Size { .. })
         ));
     }
+
+    #[test]
+    fn metrics_of_one_reference_may_have_different_tone_maps() {
+        let metric = |exposure: f64| {
+            let map = [
+                ("kind", Value::from("srgb")),
+                ("exposure", Value::Num(exposure)),
+            ];
+            let map = map.map(|(key, value)| (key.to_owned(), value));
+            let options = BTreeMap::from([("on".to_owned(), Value::Map(map.into()))]);
+            MetricSpec::new(&format!("rmse_{exposure}"), "rmse", options).unwrap()
+        };
+        let metrics = [metric(-3.0), metric(0.0), metric(1.0)];
+        let flat = |x: f32| Image::from_fn(4, 4, |_, _| [x; 3]);
+        let reference = Arc::new(flat(0.4));
+        let together = Evaluator::new(&metrics, Arc::clone(&reference)).eval(&flat(0.2));
+        let alone = metrics
+            .each_ref()
+            .map(|metric| metric.eval(&flat(0.2), &reference));
+        assert_eq!(together.unwrap(), alone.map(Result::unwrap));
+    }
 }

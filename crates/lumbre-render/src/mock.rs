@@ -250,6 +250,27 @@ mod tests {
         renderer.film().clone()
     }
 
+    #[test]
+    fn parts_of_a_run_add_up_to_the_whole() {
+        let part = |first_sample: u64, samples: u64| {
+            let mut renderer = MockRenderer::new(
+                scene(),
+                Job {
+                    first_sample,
+                    ..job(3)
+                },
+            );
+            renderer.advance(samples).unwrap();
+            renderer.film().sum.clone()
+        };
+        let (whole, first, second) = (part(0, 8), part(0, 3), part(3, 5));
+        for ((whole, a), b) in whole.iter().zip(&first).zip(&second) {
+            for c in 0..3 {
+                assert!((whole[c] - a[c] - b[c]).abs() < 1e-12);
+            }
+        }
+    }
+
     fn rmse_to_truth(samples: u64) -> f64 {
         let mut renderer = MockRenderer::new(scene(), job(1));
         renderer.advance(samples).unwrap();

@@ -227,3 +227,42 @@ pub fn title(metrics: &[MetricSpec], value: &TableValue) -> String {
         TableValue::Run(column) => column.row().description.to_owned(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_threshold_is_reached_from_the_side_of_worse_values() {
+        let times = [1.0, 10.0, 100.0];
+        let curve = |values: [f64; 3]| times.into_iter().zip(values).collect::<Vec<_>>();
+        let time = |better, values| {
+            let found = time_to(better, &curve(values), 0.1).unwrap();
+            ((found.number * 1e6).round() / 1e6, found.bound)
+        };
+        for (better, values, expected) in [
+            (Better::Lower, [1.0, 0.1, 0.01], (10.0, Bound::Exact)),
+            (
+                Better::Lower,
+                [1.0, 1.0, 0.01],
+                (10f64.powf(1.5), Bound::Exact),
+            ),
+            (Better::Lower, [0.1, 0.1, 0.1], (1.0, Bound::Upper)),
+            (Better::Lower, [1.0, 0.5, 0.2], (100.0, Bound::Lower)),
+            (Better::Higher, [0.0, 0.1, 0.2], (10.0, Bound::Exact)),
+            (Better::Higher, [0.0, 0.05, 0.09], (100.0, Bound::Lower)),
+            // A signed error counts by its size.
+            (Better::NearZero, [-1.0, -0.1, 0.01], (10.0, Bound::Exact)),
+            (Better::NearZero, [-1.0, -0.5, -0.2], (100.0, Bound::Lower)),
+            (
+                Better::NearZero,
+                [1.0, -1.0, 0.01],
+                (10f64.powf(1.5), Bound::Exact),
+            ),
+        ] {
+            let expected = ((expected.0 * 1e6).round() / 1e6, expected.1);
+            assert_eq!(time(better, values), expected, "{better:?} {values:?}");
+        }
+        assert_eq!(time_to(Better::Lower, &[], 0.1), None);
+    }
+}

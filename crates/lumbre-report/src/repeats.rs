@@ -193,11 +193,18 @@ mod tests {
 
     #[test]
     fn a_power_law_is_interpolated_exactly() {
-        let curve = rmse(&[(1.0, 1.0), (100.0, 0.1), (50.0, 9.0), (200.0, 0.0)]);
+        let points = [
+            (1.0, 3.0),
+            (1.0, 1.0),
+            (100.0, 0.1),
+            (50.0, 9.0),
+            (200.0, 0.0),
+        ];
+        let curve = rmse(&points);
         assert_eq!(
             curve.points,
             [(1.0, 1.0), (100.0, 0.1)],
-            "points that go back in x or are zero are dropped"
+            "the last point at an x counts; points that go back in x or are zero are dropped"
         );
         assert!((curve.at(10.0).unwrap() - 0.1f64.sqrt()).abs() < 1e-12);
         assert_eq!((curve.at(0.5), curve.at(101.0)), (None, None));

@@ -74,6 +74,11 @@ fn slurm_tasks(job: &SubmittedJob, notes: &mut Vec<String>) -> Vec<Task> {
         Err(_) if !tasks.is_empty() => {}
         Err(problem) => notes.push(format!("job {}: {problem}", job.id)),
     }
+    in_order(tasks)
+}
+
+/// Sorts the tasks of a job by their numbers.
+fn in_order(tasks: BTreeMap<String, Task>) -> Vec<Task> {
     let mut tasks: Vec<Task> = tasks.into_values().collect();
     let number = |task: &Task| {
         task.id
@@ -173,6 +178,7 @@ mod tests {
         insert_task(&mut tasks, "12_1|PENDING| |BeginTime|0|");
         insert_task(&mut tasks, "12_3|FAILED|n1|NonZeroExitCode|35072|");
         insert_task(&mut tasks, "12_2|RUNNING|n2|None|0:0|");
+        insert_task(&mut tasks, "12_10|CANCELLED|n2|None|15|");
         insert_task(
             &mut tasks,
             "slurm_load_jobs error: Invalid job id specified",
@@ -186,11 +192,14 @@ mod tests {
                 t.exit.clone(),
             ]
         };
-        assert_eq!(tasks.len(), 4);
+        assert_eq!(tasks.len(), 5);
         assert_eq!(line("12_3"), ["FAILED", "n1", "NonZeroExitCode", "137:0"]);
         assert_eq!(line("12_0"), ["COMPLETED", "n1", "", "0:0"]);
         assert_eq!(line("12_1"), ["PENDING", "", "BeginTime", ""]);
         assert_eq!(line("12_2"), ["RUNNING", "n2", "", ""]);
+        assert_eq!(line("12_10"), ["CANCELLED", "n2", "", "0:15"]);
+        let ids: Vec<String> = in_order(tasks).into_iter().map(|task| task.id).collect();
+        assert_eq!(ids, ["12_0", "12_1", "12_2", "12_3", "12_10"]);
     }
 
     #[test]

@@ -543,6 +543,7 @@ fn float(x: f32) -> Json {
 #[cfg(test)]
 mod tests {
     use crate::cli::inspect::compare::*;
+    use lumbre_metrics::map::Colours;
 
     #[test]
     fn metrics_are_typed_with_their_options() {
@@ -566,6 +567,28 @@ mod tests {
         assert!(wrong("flip:ppd").contains("key=value"));
         assert!(wrong("flip:ppd=1,ppd=2").contains("twice"));
         assert!(wrong("hdr_flip:start=soon").contains("auto"));
+    }
+
+    #[test]
+    fn percentiles_are_errors_of_the_map_by_nearest_rank() {
+        let of = |values: &[f32]| {
+            let map = ErrorMap {
+                width: values.len() as u32,
+                height: 1,
+                values: values.to_vec(),
+                colours: Colours::Magma,
+                top: None,
+            };
+            percentiles(&map)
+                .into_iter()
+                .map(|(_, value)| value)
+                .collect::<Vec<_>>()
+        };
+        let hundred: Vec<f32> = (1..=100).rev().map(|i| i as f32).collect();
+        assert_eq!(of(&hundred), [50.0, 95.0, 99.0]);
+        assert_eq!(of(&[3.0, f32::NAN, -4.0, 1.0, 2.0]), [2.0, 4.0, 4.0]);
+        assert_eq!(of(&[7.0]), [7.0; 3]);
+        assert!(of(&[f32::NAN]).is_empty());
     }
 
     #[test]

@@ -48,6 +48,11 @@ pub fn retry_while_disk_full<T>(
 #[cfg(test)]
 mod tests {
     use std::cell::Cell;
+    use std::sync::{Arc, Mutex};
+
+    use tracing::{Event, Level, Subscriber};
+    use tracing_subscriber::Layer;
+    use tracing_subscriber::layer::{Context, SubscriberExt};
 
     use crate::cli::night::disk_full_retry::*;
 
@@ -73,6 +78,31 @@ mod tests {
         assert_eq!((found.unwrap(), waits.get()), (7, 2));
         assert!(retry_while_disk_full(&control, &wait, || Err::<(), _>(failing(false))).is_err());
         assert_eq!(waits.get(), 2, "other errors are not retried");
+    }
+
+    /// Counts the records of each level.
+    #[derive(Clone, Default)]
+    struct Counter(Arc<Mutex<Vec<Level>>>);
+
+    impl<S: Subscriber> Layer<S> for Counter {
+        fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
+            self.0.lock().unwrap().push(*event.metadata().level());
+        }
+    }
+
+    #[test]
+    fn a_full_disk_is_reported_once_and_space_once() {
+        let counter = Counter::default();
+        let subscriber = tracing_subscriber::registry().with(counter.clone());
+        let mut left = 5;
+        tracing::subscriber::with_default(subscriber, || {
+            let attempt = || {
+                left -= 1;
+                if left > 0 { Err(failing(true)) } else { Ok(()) }
+            };
+            retry_while_disk_full(&NightControls::default(), &|| {}, attempt).unwrap();
+        });
+        assert_eq!(*counter.0.lock().unwrap(), [Level::ERROR, Level::INFO]);
     }
 
     #[test]

@@ -181,6 +181,13 @@ fn every_field_that_affects_a_picture_or_its_measurements_changes_the_id() {
             p.lab.spec.axes[0].steps[0] = vec!["y".into()];
         }),
         ("measuring interval", |p| p.lab.spec.measure.every_s = 0.5),
+        ("longer measuring interval", |p| {
+            p.lab.spec.measure.every_s = 0.75
+        }),
+        ("captures", |p| p.lab.spec.measure.captures = true),
+        ("fallback of the backend", |p| {
+            p.config.fallback = Some("cpu")
+        }),
         ("metrics", |p| p.lab.spec.measure.metrics.clear()),
         ("column", |p| {
             p.lab.spec.measure.metrics[0].column = "error".into()

@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::sync::Arc;
 
-use lumbre_light::film::Image;
+use lumbre_light::film::{Film, Image};
 use lumbre_light::value::Value;
 use lumbre_night::experiment::event::{FinishedRun, History};
 use lumbre_night::experiment::outcome::Level;
@@ -11,6 +11,7 @@ use lumbre_night::experiment::spec::{ReferenceRequest, Snapshots};
 use lumbre_night::experiment::stop::Comparison;
 use lumbre_night::experiment::{CellRef, EndCause, Event, Outcome, Plan, StopRule, WaveRow, run};
 use lumbre_render::mock::{MockRenderer, SECONDS_PER_PATH};
+use lumbre_render::{Advance, OpenStats, Picture, RenderError, Renderer, WaveStats};
 
 use crate::experiment::fixtures::{
     Lab, Memory, Night, Recorder, all_done, config, depths, ints, outcomes, whole_at,
@@ -462,13 +463,13 @@ fn a_reference_from_a_file_is_read_through_the_history() {
     assert_eq!(*outcomes(&summary)[0], Outcome::Cached(file));
     assert_eq!(summary.night.runs[0].rows.last().unwrap().metrics.len(), 1);
 
-    night
-        .history
-        .images
-        .insert(id.clone(), Ok(Image::new(4, 8)));
-    let (summary, _) = night.record(&lab);
-    let size = "the picture has 8x4 pixels but its reference 4x8";
-    assert_eq!(*outcomes(&summary)[1], Outcome::Failed(size.into()));
+    for (width, height) in [(4, 8), (8, 5), (9, 4)] {
+        let image = Image::new(width, height);
+        night.history.images.insert(id.clone(), Ok(image));
+        let (summary, _) = night.record(&lab);
+        let size = format!("the picture has 8x4 pixels but its reference {width}x{height}");
+        assert_eq!(*outcomes(&summary)[1], Outcome::Failed(size.into()));
+    }
 
     night
         .history
@@ -547,4 +548,51 @@ fn run_opens_the_backend_by_its_name() {
         *outcomes(&summary)[0],
         Outcome::Done(EndCause::limit("16 samples per pixel"))
     );
+}
+
+/// A renderer whose pictures take time to filter.
+struct Filtered(MockRenderer);
+
+impl Renderer for Filtered {
+    fn render(&mut self, request: &Advance<'_>) -> Result<WaveStats, RenderError> {
+        self.0.render(request)
+    }
+
+    fn film(&self) -> &Film {
+        self.0.film()
+    }
+
+    fn open_stats(&self) -> &OpenStats {
+        self.0.open_stats()
+    }
+
+    fn picture(&mut self) -> Result<Picture, RenderError> {
+        Ok(Picture {
+            extra_s: 10.0,
+            denoised: true,
+            ..self.0.picture()?
+        })
+    }
+}
+
+#[test]
+fn the_time_of_a_filter_is_render_time() {
+    let lab = Lab::new();
+    let (_, plain) = Night::default().record(&lab);
+    let night = Night {
+        open: &|_, scene, job| Ok(Box::new(Filtered(MockRenderer::new(scene, job)))),
+        ..Night::default()
+    };
+    let (_, filtered) = night.record(&lab);
+    let times = |recorder: &Recorder| -> Vec<f64> {
+        let rows = recorder.rows(CELL);
+        rows.iter().map(|row| row.render_s).collect()
+    };
+    let [plain, filtered] = [&plain, &filtered].map(times);
+    for (wave, (plain, filtered)) in plain.iter().zip(&filtered).enumerate() {
+        let added = filtered - plain;
+        let expected = 10.0 * (wave as f64 + 1.0);
+        assert!((added - expected).abs() < 1e-3, "{added}, not {expected}");
+    }
+    assert!(!filtered.is_empty());
 }

@@ -1,25 +1,28 @@
 //! References with known error: halves, shards, noise floors, and bias checks.
 
+use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::time::{Duration, SystemTime};
 
 use lumbre_light::film::Image;
 use lumbre_light::scene::CompiledScene;
 use lumbre_metrics::MetricSpec;
-use lumbre_night::experiment::event::{FinishedRun, History};
+use lumbre_night::experiment::event::{FinishedRun, History, SaveState};
 use lumbre_night::experiment::noise_floor::{HalfImages, floors};
 use lumbre_night::experiment::outcome::Level;
-use lumbre_night::experiment::run::{Seams, run_with};
+use lumbre_night::experiment::plan::ReferenceSource;
+use lumbre_night::experiment::run::{Options, Seams, run_with};
 use lumbre_night::experiment::run_progress::{Checkpoint, RunProgress};
 use lumbre_night::experiment::shards::Shard;
 use lumbre_night::experiment::spec::{BiasCheckRequest, ReferenceRequest};
 use lumbre_night::experiment::stop::Comparison;
-use lumbre_night::experiment::{CellRef, Event, Outcome, Plan, SinkError, StopRule};
+use lumbre_night::experiment::{CellRef, Event, Outcome, Plan, Sink, SinkError, StopRule};
 use lumbre_render::Settings;
 use lumbre_render::mock::{MockRenderer, RELATIVE_SIGMA};
 use lumbre_render::{Job, RenderError, Renderer};
 
-use crate::experiment::fixtures::{Lab, Night, Recorder, config, ints, outcomes};
+use crate::experiment::fixtures::{Lab, Night, Recorder, config, depths, ints, outcomes};
 
 const CELL: CellRef = CellRef::Cell(0);
 
@@ -476,6 +479,14 @@ fn a_bias_check_passes_within_noise_and_its_picture_is_no_reference_of_a_cell() 
         (1, None)
     );
     assert_eq!(plan.cells[0].reference, Some(0));
+    let seeds = |index: usize| match &plan.references[index].source {
+        ReferenceSource::Render { seeds, .. } => *seeds,
+        ReferenceSource::File { .. } => panic!("reference {index} is a file"),
+    };
+    assert!(
+        seeds(0).iter().all(|seed| !seeds(1).contains(seed)),
+        "pictures to compare must be independent"
+    );
     let (summary, recorder) = Night::default().record(&lab);
     assert!(summary.disagreements.is_empty());
     let at = |word: &str| {
@@ -493,6 +504,71 @@ fn a_bias_check_passes_within_noise_and_its_picture_is_no_reference_of_a_cell() 
             .any(|w| w.starts_with("agrees with `nee`: none of ")),
         "{messages:?}"
     );
+}
+
+#[test]
+fn with_a_deadline_both_pictures_of_a_bias_check_come_before_their_cells() {
+    let lab = compared();
+    let plan = Arc::new(lab.plan());
+    let Night {
+        open,
+        wait,
+        control,
+        history,
+    } = Night::default();
+    let options = Options {
+        deadline: Some(SystemTime::now() + Duration::from_secs(9999)),
+        ..Options::from(1)
+    };
+    let mut recorder = Recorder::default();
+    let seams = Seams { open, wait };
+    run_with(
+        &seams,
+        &plan,
+        &lab,
+        &history,
+        &mut [&mut recorder],
+        &control,
+        options,
+    )
+    .unwrap();
+    let starts: Vec<&String> = recorder
+        .labels
+        .iter()
+        .filter(|label| label.starts_with("start ") || label.starts_with("compared "))
+        .collect();
+    assert_eq!(
+        starts,
+        ["start r0", "start r1", "compared r0 r1", "start c0"]
+    );
+}
+
+#[test]
+fn cells_are_measured_against_their_own_stored_references() {
+    let lab = depths([1, 2, 3]).measured();
+    let plan = lab.plan();
+    let mut night = Night::default();
+    for (index, reference) in plan.references.iter().enumerate() {
+        let run = FinishedRun {
+            folder: "refs".into(),
+            rows: vec![],
+            floors: Default::default(),
+            open: Default::default(),
+        };
+        let brightness = 10f32.powi(index as i32 + 1);
+        let image = Image::from_fn(8, 4, |_, _| [brightness; 3]);
+        night.history.done.insert(reference.id.clone(), run);
+        night.history.images.insert(reference.id.clone(), Ok(image));
+    }
+    let (summary, _) = night.record(&lab);
+    // The pictures themselves are darker than 1.
+    for (run, brightness) in summary.night.runs.iter().zip([10.0, 100.0, 1000.0]) {
+        let rmse = run.rows.last().unwrap().metrics[0];
+        assert!(
+            (rmse - brightness).abs() < 1.0,
+            "{rmse} instead of about {brightness}"
+        );
+    }
 }
 
 #[test]
@@ -573,5 +649,80 @@ fn measuring_time_is_recorded_and_accumulates() {
     assert!(
         rows.windows(2)
             .all(|pair| pair[1].measure_s > pair[0].measure_s)
+    );
+}
+
+/// A history that stores the sums of one reference.
+#[derive(Default)]
+struct Sums(RefCell<Option<Checkpoint>>);
+
+impl History for Sums {
+    fn finished_run(&self, _: &Plan, _: CellRef) -> Option<FinishedRun> {
+        None
+    }
+
+    fn image(&self, _: &Plan, _: usize) -> Result<Option<Image>, SinkError> {
+        Ok(None)
+    }
+
+    fn shorter_reference(&self, _: &Plan, _: usize, most: u64) -> Option<Checkpoint> {
+        let stored = self.0.borrow().clone();
+        stored.filter(|stored| stored.progress.samples() <= most)
+    }
+
+    fn save_sums(
+        &self,
+        _: &Plan,
+        _: usize,
+        progress: &RunProgress,
+        save: SaveState<'_>,
+    ) -> Result<bool, SinkError> {
+        let mut state = Vec::new();
+        save(&mut state).map_err(|e| SinkError(e.to_string()))?;
+        let progress = progress.clone();
+        *self.0.borrow_mut() = Some(Checkpoint { progress, state });
+        Ok(true)
+    }
+}
+
+#[test]
+fn a_reference_with_the_samples_of_a_stored_one_renders_nothing() {
+    let stored = Sums::default();
+    let starts = |stop: StopRule| {
+        let mut lab = lab(64);
+        lab.reference = Box::new(move |_| {
+            let config = Box::new(Settings {
+                resolution: Some([64, 48]),
+                ..config()
+            });
+            Ok(Some(ReferenceRequest::Render {
+                config,
+                stop: stop.clone(),
+                bias_check: None,
+                shards: 1,
+            }))
+        });
+        let plan = Arc::new(lab.plan());
+        let Night {
+            open,
+            wait,
+            control,
+            ..
+        } = Night::default();
+        let mut recorder = Recorder::default();
+        let seams = Seams { open, wait };
+        let sinks: &mut [&mut dyn Sink] = &mut [&mut recorder];
+        run_with(&seams, &plan, &lab, &stored, sinks, &control, 1).unwrap();
+        let waves = recorder.labels.iter().filter(|l| l.starts_with("wave r0"));
+        (waves.count(), recorder.messages(Level::Info))
+    };
+    let (waves, _) = starts(StopRule::Samples(64));
+    assert!(waves > 0);
+    let limits = vec![StopRule::Samples(64), StopRule::Time(1e6)];
+    let (waves, messages) = starts(StopRule::Any(limits));
+    let continued = "continues a shorter reference after 64 samples per pixel";
+    assert!(
+        waves == 0 && messages.iter().any(|text| text.contains(continued)),
+        "{waves} {messages:?}"
     );
 }

@@ -432,3 +432,16 @@ fn an_estimate_counts_every_run_once() {
         }
     );
 }
+
+#[test]
+fn a_scene_is_loaded_once_for_each_choice_of_its_options() {
+    let mut lab = Lab::new().axis("light", ["day", "night"]);
+    lab.spec.repeats = 2;
+    lab.render = Box::new(|p| {
+        let mut config = config();
+        config.scene_options = [("light".to_owned(), at(p, "light"))].into();
+        Ok(config)
+    });
+    lab.plan();
+    assert_eq!(lab.loads.borrow().len(), 2);
+}

@@ -4,5 +4,5 @@
 #![allow(clippy::unwrap_used, reason = "test helpers may panic")]
 
 mod golden;
-mod laws;
 mod oracle;
+mod properties;

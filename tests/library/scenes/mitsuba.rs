@@ -464,6 +464,29 @@ fn bitmaps_have_the_orientation_of_mitsuba() {
     );
 }
 
+#[test]
+fn texture_coordinates_of_meshes_are_flipped_as_the_shape_says() {
+    let folder = Folder::new(&[(
+        "q.obj",
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 0.75\nf 1/1 2/2 3/3\n",
+    )]);
+    let heights = |flag: &str| {
+        let file = "<string name=\"filename\" value=\"q.obj\"/>";
+        let shape = format!("<shape type=\"obj\">{file}{flag}</shape>");
+        folder.write("a.xml", around(&shape));
+        let (scene, _) = folder.load("a.xml").unwrap();
+        let ShapeDesc::Mesh(mesh) = &scene.entities[0].shape else {
+            panic!("expected a mesh")
+        };
+        mesh.uvs.iter().map(|uv| uv.y).collect::<Vec<f32>>()
+    };
+    let default = heights("");
+    let flag = |value| format!("<boolean name=\"flip_tex_coords\" value=\"{value}\"/>");
+    assert_eq!(heights(&flag(true)), default);
+    let other: Vec<f32> = default.iter().map(|v| 1.0 - v).collect();
+    assert_eq!(heights(&flag(false)), other);
+}
+
 /// Compares bitmaps of one surface, each with its own transform and wrap mode, with Mitsuba's
 /// coordinates, which start at the top left.
 #[test]

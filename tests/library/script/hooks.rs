@@ -4,9 +4,12 @@ use lumbre_light::scene::compile::Sharing;
 use lumbre_light::transport::camera::FilterKind;
 use lumbre_light::value::Value;
 use lumbre_lua::{Script, ScriptError};
-use lumbre_night::experiment::spec::{HookError, Point, ReferenceRequest, ScriptHooks};
+use lumbre_night::experiment::spec::{
+    BiasCheckRequest, HookError, Point, ReferenceRequest, ScriptHooks,
+};
 use lumbre_night::experiment::stop::Comparison;
 use lumbre_night::experiment::{StopRule, WaveRow};
+use lumbre_render::Settings;
 use lumbre_render::hierarchy::{AccelSpec, Builder};
 
 use crate::script::{Folder, GOOD, edited};
@@ -152,6 +155,65 @@ end }";
     );
 }
 
+/// Returns the configuration of the reference of a script, and its bias check.
+fn rendered(table: &str, reference: &str) -> (Settings, Option<Box<BiasCheckRequest>>) {
+    let folder = Folder::new(edited(TABLE, table).replace(REFERENCE, reference));
+    let script = folder.load().unwrap();
+    let Some(ReferenceRequest::Render {
+        config, bias_check, ..
+    }) = script.reference(&point(3)).unwrap()
+    else {
+        panic!("expected a rendered reference")
+    };
+    (*config, bias_check)
+}
+
+#[test]
+fn a_reference_of_a_biased_technique_is_by_an_unbiased_one() {
+    let table = "{ scene = \"s.scn\", integrator = \"sppm\", radius = 0.5, max_depth = 3 }";
+    for from in ["", ", from = function(p) return { max_depth = 9 } end"] {
+        let reference = format!("x:reference {{ stop = stop.samples(64){from} }}");
+        let (config, _) = rendered(table, &reference);
+        assert_ne!(config.integrator, "sppm", "{reference}");
+        assert!(config.params.is_empty(), "{reference}");
+    }
+    let own = "from = function(p) return { integrator = \"sppm\" } end";
+    let (config, _) = rendered(
+        table,
+        &format!("x:reference {{ stop = stop.samples(64), {own} }}"),
+    );
+    assert_eq!(config.integrator, "sppm", "the script asks for it");
+}
+
+#[test]
+fn a_bias_check_has_its_own_technique_and_stops_at_the_first_of_its_limits() {
+    let table = "{ scene = \"s.scn\", integrator = \"bdpt\", mis = \"balance\", max_depth = 3 }";
+    let check = |agree: &str| {
+        let reference = format!("x:reference {{ stop = stop.samples(64), agree = {agree} }}");
+        let (config, check) = rendered(table, &reference);
+        assert_eq!(config.params.len(), 1, "the reference has the cell's `mis`");
+        *check.unwrap()
+    };
+    let found = check("{ with = \"nee\", time = \"5s\", samples = 9 }");
+    assert_eq!(found.config.integrator, "nee");
+    assert_eq!(found.config.max_depth, Some(3));
+    assert!(
+        found.config.params.is_empty(),
+        "the parameters of the reference are those of its technique"
+    );
+    let limits = vec![StopRule::Time(5.0), StopRule::Samples(9)];
+    assert_eq!(found.stop, StopRule::Any(limits));
+    let found = check("{ with = \"nee\", samples = 9 }");
+    assert_eq!(found.stop, StopRule::Samples(9));
+    let found = check("{ with = \"nee\" }");
+    assert_eq!(found.stop, StopRule::Samples(64), "that of the reference");
+    let found = check("{ with = { integrator = \"bdpt\" } }");
+    assert!(
+        found.config.params.is_empty(),
+        "parameters are those of `with`, also of the same technique"
+    );
+}
+
 #[test]
 fn references_use_the_default_acceleration_structure() {
     let table = "{ scene = \"s.scn\", integrator = \"bpt\", max_depth = p.depth,
@@ -262,6 +324,14 @@ fn stop_rules_are_converted_to_data() {
     let e = script_error(script.stop(&point(7)));
     assert!(e.to_string().contains("did you mean `rmse`?"), "{e}");
     assert_eq!(e.line(), Some(9));
+    let (_folder, script) = load(STOP, "x:stop(stop.when(\"rmse\", \"<\", 1))");
+    let once = StopRule::When {
+        column: "rmse".into(),
+        op: Comparison::Less,
+        value: 1.0,
+        hold: 1,
+    };
+    assert_eq!(script.stop(&point(7)).unwrap(), once);
     let (_folder, script) = load(STOP, "x:stop(function(p) end)");
     assert!(
         script_error(script.stop(&point(7)))
@@ -476,6 +546,15 @@ fn a_plateau_rule_needs_a_known_column() {
         p: 0.01,
     };
     assert_eq!(script.stop(&point(3)).unwrap(), expected);
+    let text = edited("x:stop(stop.samples(16))", "x:stop(stop.plateau(\"rmse\"))");
+    let script = Folder::new(text).load().unwrap();
+    let default = StopRule::Plateau {
+        column: "rmse".to_owned(),
+        exponent: -0.1,
+        over: 4.0,
+        p: 0.01,
+    };
+    assert_eq!(script.stop(&point(3)).unwrap(), default);
     let unknown = edited("x:stop(stop.samples(16))", "x:stop(stop.plateau(\"rsme\"))");
     let e = Folder::new(unknown).load().unwrap_err();
     assert!(

@@ -351,6 +351,40 @@ fn commands_run_only_with_permission_and_the_plan_shows_them() {
 }
 
 #[test]
+fn each_technique_of_one_program_has_its_own_version() {
+    if crate::common::lacks_python() {
+        return;
+    }
+    let rest = r#"
+local other = external {
+  name = "other", params = { mode = "good" }, picture = "pfm", time = "json",
+  version = { "python3", "{folder}/other.py" },
+  command = "python3 {folder}/fake.py {mode} {width} {height} {spp} {seed} {out}", scene = "raw:scene.txt",
+}
+x:axis("technique", { "fake", "other" })
+x:render(function(p)
+  local own = p.technique == "fake" and fake or other
+  return { scene = "ball.scn", integrator = own, resolution = { 24, 16 } }
+end)
+x:stop(stop.samples(4))
+"#;
+    let place = place(&script(
+        "version = { \"python3\", \"{folder}/version.py\" },",
+        rest,
+    ));
+    place.write("version.py", "print('fake 2.0')");
+    place.write("other.py", "print('other 1.0')");
+    succeed(&place, &["run", "peers.lua", "--allow-commands", "-q"]);
+    let mut found: Vec<String> = place
+        .finished()
+        .iter()
+        .map(|(file, ..)| place.json(file)["devices"][0]["peer"]["program"].to_string())
+        .collect();
+    found.sort();
+    assert_eq!(found, ["\"fake 2.0\"", "\"other 1.0\""]);
+}
+
+#[test]
 fn identity_covers_parameters_files_and_version_but_no_places() {
     if crate::common::lacks_python() {
         return;

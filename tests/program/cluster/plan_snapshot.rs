@@ -226,7 +226,7 @@ fn a_worker_with_a_selection_leaves_the_other_cells_to_other_workers() {
         "work",
         &home,
         "--only",
-        "depth=2",
+        "depth=3,2",
         "--only",
         "technique=nee",
     ]);

@@ -200,4 +200,26 @@ pub(super) mod tests {
             "one more overflows and is reported"
         );
     }
+
+    #[test]
+    fn splats_have_the_variance_of_rare_events() {
+        // Three splats in eight samples, which have no light of their own.
+        let splats = [1.0, 2.0, 4.0];
+        let (sum, squares) = (
+            splats.iter().sum::<f64>(),
+            splats.map(|x| x * x).iter().sum(),
+        );
+        let n = 8.0;
+        let (sum, sum2) = combine_sums(([sum; 3], [squares; 3]), ([0.0; 3], [0.0; 3]), 8);
+        let variance_of_mean = (sum2[0] - sum[0] * sum[0] / n) / (n - 1.0) / n;
+        let expected = squares / (n * n);
+        assert!((variance_of_mean / expected - 1.0).abs() < 1e-12);
+        // Independent light of the samples adds its own variance.
+        let own: [f64; 8] = [1.0, 3.0, 2.0, 2.0, 5.0, 1.0, 1.0, 1.0];
+        let (own_sum, own_sum2) = (own.iter().sum::<f64>(), own.map(|x| x * x).iter().sum());
+        let own_variance = (own_sum2 - own_sum * own_sum / n) / (n - 1.0) / n;
+        let (sum, sum2) = combine_sums(([7.0; 3], [squares; 3]), ([own_sum; 3], [own_sum2; 3]), 8);
+        let both = (sum2[1] - sum[1] * sum[1] / n) / (n - 1.0) / n;
+        assert!((both / (expected + own_variance) - 1.0).abs() < 1e-12);
+    }
 }

@@ -119,3 +119,29 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> OpticalLength<R> {
         self.after_segment(ratio, distance)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+
+    #[test]
+    fn segments_count_by_the_index_behind_the_interface_and_delays_once() {
+        let mut optical = OpticalLength::<f32> {
+            index: 1.5,
+            ..OpticalLength::default()
+        };
+        optical.add_segment(Vec3::ZERO, 2.0 * Vec3::X);
+        assert_eq!(optical.arrival(), 3.0);
+        optical.delay = 0.25;
+        // Into a medium of index 3.
+        assert_eq!(optical.after_segment(2.0, 4.0), 3.0 + 0.25 + 12.0);
+        assert_eq!(optical.after_segment(1.0, 4.0), 3.0 + 0.25 + 6.0);
+        // The medium of this vertex has index 4 for the camera, so that earlier segments count more.
+        assert_eq!(optical.from_light(2.0, 4.0), 3.0 * 4.0 / 3.0 + 0.25);
+        optical.scatter(2.0);
+        optical.add_segment(Vec3::ZERO, 4.0 * Vec3::Y);
+        assert_eq!((optical.arrival(), optical.delay), (15.25, 0.0));
+    }
+}

@@ -492,6 +492,16 @@ mod tests {
     use super::*;
 
     #[test]
+    fn addresses_of_tables_and_functions_are_no_values() {
+        for text in ["table: 0x55d0c0ffee12", "function: builtin: 0x12345678"] {
+            assert!(bad_value(&text.into()).is_some(), "{text}");
+        }
+        for text in ["0x1234567", "0x and more", "12345678"] {
+            assert_eq!(bad_value(&text.into()), None, "{text}");
+        }
+    }
+
+    #[test]
     fn ranges_are_exact_decimals() {
         assert_eq!(
             exact_range(0.1, 0.5, 0.1).unwrap(),

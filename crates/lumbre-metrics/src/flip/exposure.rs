@@ -195,6 +195,25 @@ mod tests {
     }
 
     #[test]
+    fn the_median_of_a_mostly_black_reference_is_that_of_its_lit_pixels() {
+        let tone = ToneMapper::named("reinhard");
+        let x = tone.bright() as f32;
+        let image = Image::from_fn(9, 1, |i, _| {
+            [if i < 3 {
+                [1.0, 2.0, 8.0][i as usize] * x
+            } else {
+                0.0
+            }; 3]
+        });
+        let e = Exposures::new(&image, tone, [None; 2], None);
+        assert!((e.start + 3.0).abs() < 1e-5, "brightest pixel 8x: {e:?}");
+        assert!(
+            (e.stop + 1.0).abs() < 1e-5,
+            "median of the lit pixels 2x: {e:?}"
+        );
+    }
+
+    #[test]
     fn dark_and_broken_references_still_get_finite_exposures() {
         let tone = ToneMapper::named("aces");
         let mostly_black = Image::from_fn(4, 1, |i, _| [if i == 3 { 2.0 } else { 0.0 }; 3]);

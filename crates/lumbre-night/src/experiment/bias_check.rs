@@ -239,6 +239,12 @@ mod tests {
         );
         assert!(found.whole_differs, "{}", found.describe());
         assert!((found.ratio - 0.99).abs() < 0.006 && found.ratio_error < 0.002);
+        let sums_alone = BiasCheckResult {
+            differing: Vec::new(),
+            ..found
+        };
+        assert!(!sums_alone.agrees());
+        assert!(sums_alone.describe().starts_with("1 of "));
         let same = against(
             &estimate(3, 0.05, |_, _| 1.0),
             &estimate(4, 0.05, |_, _| 1.0),

@@ -373,6 +373,39 @@ mod tests {
     }
 
     #[test]
+    fn the_nearest_depth_is_that_of_the_smallest_factor() {
+        let mut history = ThroughputHistory::default();
+        for (depth, samples_per_s) in [(2, 2.0), (24, 5.0)] {
+            let key = WorkloadKey::from_config(&config("bpt", "box", depth));
+            history.record(key, throughput(samples_per_s, None));
+        }
+        let wanted = config("bpt", "box", 10);
+        assert_eq!(
+            seconds(&history, &wanted, &StopRule::Samples(60)),
+            Some((18.0, false, false)),
+            "24 is 2.4 times 10, and 10 is 5 times 2"
+        );
+    }
+
+    #[test]
+    fn the_newest_runs_of_a_workload_count() {
+        let mut history = ThroughputHistory::default();
+        let wanted = config("bpt", "box", 5);
+        let key = || WorkloadKey::from_config(&wanted);
+        for _ in 0..RUNS_PER_WORKLOAD {
+            history.record(key(), throughput(1.0, None));
+        }
+        for _ in 0..RUNS_PER_WORKLOAD {
+            history.record(key(), throughput(3.0, None));
+        }
+        assert_eq!(
+            seconds(&history, &wanted, &StopRule::Samples(60)),
+            Some((30.0, false, false)),
+            "all older runs are forgotten"
+        );
+    }
+
+    #[test]
     fn unpredictable_rules_end_as_in_similar_runs() {
         let when = StopRule::When {
             column: "rmse".into(),

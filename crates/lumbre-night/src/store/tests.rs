@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::read::night::read_night;
 use super::schema::run::{DoneFile, RunResults};
 use super::*;
 use crate::experiment::event::History;
@@ -261,6 +262,58 @@ fn layer_images_belong_to_their_run() {
 pub(super) fn only_run_of(store: &Store, id: &str) -> PathBuf {
     let runs = layout::runs_below(&store.folder().join("runs"));
     runs.into_iter().find(|r| r.ends_with(id)).unwrap()
+}
+
+#[test]
+fn a_row_replaces_the_rest_of_a_failed_attempt_to_write_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let plan = plan("night", "3f9a00", &["aa11"]);
+    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    let mut run = store.start(&plan, CellRef::Cell(0), None).unwrap();
+    run.open_metrics(&[], &[]).unwrap();
+    run.append_row(&row(1, 0)).unwrap();
+    let file = run.folder().join("metrics.csv");
+    let complete = fs::read_to_string(&file).unwrap();
+    fs::write(&file, complete.clone() + "2,4,0.2").unwrap();
+    run.append_row(&row(2, 0)).unwrap();
+    let text = fs::read_to_string(&file).unwrap();
+    assert!(text.starts_with(&complete), "{text}");
+    let added: Vec<&str> = text[complete.len()..].lines().collect();
+    assert!(
+        matches!(added[..], [line] if line.starts_with("2,4,0.25,")),
+        "{text}"
+    );
+}
+
+#[test]
+fn the_share_of_lost_time_is_that_of_the_time_in_the_renderer() {
+    let dir = tempfile::tempdir().unwrap();
+    let plan = plan("night", "3f9a00", &["aa11"]);
+    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    let mut run = store.start(&plan, CellRef::Cell(0), None).unwrap();
+    run.open_metrics(&[], &[]).unwrap();
+    run.append_row(&row(1, 0)).unwrap();
+    let DoneFile::Rendered(mut done) = results("aa11", 2) else {
+        panic!("not of a run")
+    };
+    (done.render_s, done.lost_s) = (0.25, Some(0.75));
+    run.finish(&DoneFile::Rendered(done)).unwrap();
+    let night = read_night(store.folder(), &Evidence::default()).unwrap();
+    assert_eq!(night.runs[0].lost_share, Some(0.75));
+}
+
+#[test]
+fn a_new_attempt_clears_the_failure_of_the_last_one() {
+    let dir = tempfile::tempdir().unwrap();
+    let plan = plan("night", "3f9a00", &["aa11"]);
+    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    let failure = || store.failure(&plan, CellRef::Cell(0)).map(|f| f.reason);
+    store
+        .record_failure(&plan, CellRef::Cell(0), "the lens fell off")
+        .unwrap();
+    assert_eq!(failure().as_deref(), Some("the lens fell off"));
+    store.start(&plan, CellRef::Cell(0), None).unwrap();
+    assert_eq!(failure(), None);
 }
 
 #[test]

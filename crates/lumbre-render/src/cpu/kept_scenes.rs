@@ -131,6 +131,14 @@ mod tests {
             Arc::clone(&kept[&address(scene)][0].2.threads)
         });
         assert!(Arc::ptr_eq(&threads[0], &threads[1]));
+        // Another run on the scene has as many threads as it asks for.
+        job.threads = 6;
+        let _other = open(Arc::clone(&scenes[0]), job).unwrap();
+        let counts: Vec<usize> = kept()[&address(&scenes[0])]
+            .iter()
+            .map(|(_, threads, _)| *threads)
+            .collect();
+        assert_eq!(counts, [5, 6]);
         drop(keepers);
         assert!(kept_threads(5).is_none());
     }

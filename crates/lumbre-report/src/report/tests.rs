@@ -392,6 +392,88 @@ fn devices_of_one_night_have_separate_time_figures() {
 }
 
 #[test]
+fn runs_stay_with_their_series_when_those_of_a_device_are_put_together() {
+    let mut both = night("RTX 4070", 1.0);
+    let other = night("RX 7600", 0.44);
+    for (run, of_other) in both.runs.iter_mut().zip(other.runs) {
+        if run.repeat == 2 {
+            *run = of_other;
+        }
+    }
+    let nights = [both];
+    let study = Study::new(&nights, &ReportOptions::default()).unwrap();
+    let order: Vec<(&str, Option<&str>)> = study
+        .series
+        .iter()
+        .map(|series| (series.label.as_str(), series.device.as_deref()))
+        .collect();
+    let [a, b] = ["RTX 4070", "RX 7600"].map(Some);
+    assert_eq!(order, [("bpt", a), ("nee", a), ("bpt", b), ("nee", b)]);
+    for facet in 0..study.facets.len() {
+        for (index, (label, device)) in order.iter().enumerate() {
+            let members = study.members(facet, index);
+            assert!(!members.is_empty(), "{facet} {label} {device:?}");
+            for member in members {
+                assert_eq!(member.run.integrator, *label);
+                assert_eq!(member.run.device.as_deref(), *device);
+            }
+        }
+    }
+}
+
+#[test]
+fn nights_may_measure_in_different_orders() {
+    let mut other = night("RX 7600", 1.0);
+    Arc::make_mut(&mut other.plan).metrics.reverse();
+    for run in other.runs.iter_mut().map(Arc::make_mut) {
+        for row in Arc::make_mut(&mut run.rows) {
+            row.metrics.reverse();
+        }
+    }
+    let nights = [night("RTX 4070", 1.0), other];
+    let study = Study::new(&nights, &ReportOptions::default()).unwrap();
+    for index in 0..study.series.len() {
+        for member in study.members(0, index) {
+            let last = member.run.rows.last().unwrap();
+            let [rmse, ssim] = [0, 1].map(|metric| member.value(last, metric).unwrap());
+            assert!(rmse < 0.1 && ssim > 0.9, "{rmse} {ssim}");
+        }
+    }
+}
+
+#[test]
+fn text_of_a_night_does_not_end_the_scripts_of_the_page() {
+    let mut named = night("Sample GPU", 1.0);
+    for run in named.runs.iter_mut().map(planned) {
+        run.point[0].1 = Value::Str("</script><b>".to_owned());
+    }
+    let page = |night: Night| {
+        text(
+            &report(&[night], &ReportOptions::default()),
+            "index",
+            "html",
+        )
+    };
+    let ends = |page: &str| page.matches("</script").count();
+    let changed = page(named);
+    assert_eq!(ends(&changed), ends(&page(night("Sample GPU", 1.0))));
+    assert!(page_data(&changed).to_string().contains("</script><b>"));
+}
+
+#[test]
+fn runs_of_the_aa_check_are_no_repeats() {
+    let mut checked = night("Sample GPU", 1.0);
+    let originals = checked.runs.len();
+    for mut double in checked.runs.clone() {
+        planned(&mut double).double_of = Some(double.repeat);
+        checked.runs.push(double);
+    }
+    let shown = checked.without_doubles();
+    assert_eq!(shown.runs.len(), originals);
+    assert!(shown.runs.iter().all(|run| run.double_of.is_none()));
+}
+
+#[test]
 fn times_of_an_unknown_device_cannot_be_compared() {
     let mut nameless = night("RX 7600", 0.44);
     for run in nameless.runs.iter_mut().map(Arc::make_mut) {

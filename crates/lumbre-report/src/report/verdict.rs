@@ -364,3 +364,34 @@ fn count(table: &Table, is: impl Fn(&TableCell) -> bool) -> (usize, usize) {
     known.retain(|cell| cell.value.is_some());
     (known.iter().filter(|cell| is(cell)).count(), known.len())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_series_that_is_best_most_often_comes_first() {
+        let winner = |label: &str, is_significant| {
+            Some(Winner {
+                label: label.to_owned(),
+                is_significant,
+                ratio: Some(2.0),
+            })
+        };
+        let column = Column {
+            heading: "RMSE".to_owned(),
+            winners: vec![
+                winner("nee", true),
+                winner("bdpt", true),
+                None,
+                winner("bdpt", true),
+                winner("bpt", false),
+            ],
+        };
+        assert_eq!(
+            sentence(&column),
+            "RMSE at equal time: bdpt is significantly best in 2 of 4 rows, nee in 1; 1 has no \
+             clear winner."
+        );
+    }
+}

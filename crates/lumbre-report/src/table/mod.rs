@@ -287,4 +287,51 @@ mod tests {
         assert_eq!(four.cell(&cell), "0.5000†");
         assert_eq!(table(Digits::Percent).cell(&cell), "50 %†");
     }
+
+    #[test]
+    fn csv_files_name_groups_and_columns_and_leave_bounds_out_of_wide_rows() {
+        let cell = |value, bound, interval| TableCell {
+            value: Some(value),
+            bound,
+            interval,
+            runs: 3,
+            run_ids: vec!["a".to_owned(), "b".to_owned()],
+            ..TableCell::default()
+        };
+        let table = Table {
+            name: "t".to_owned(),
+            kind: TableKind::Other,
+            section: String::new(),
+            title: String::new(),
+            caption: String::new(),
+            unit: "s".to_owned(),
+            label_headers: vec!["scene".to_owned()],
+            groups: vec![("depth 2".to_owned(), 1), ("depth 9".to_owned(), 1)],
+            columns: vec!["nee".to_owned(), "bpt".to_owned()],
+            rows: vec![(
+                vec!["box".to_owned()],
+                vec![
+                    cell(4.0, Bound::Exact, Some(Interval::Half(0.5))),
+                    cell(60.0, Bound::Lower, None),
+                ],
+            )],
+            digits: Digits::Significant(4),
+            provenance: Provenance::default(),
+        };
+        let long = table.to_long_csv();
+        let lines: Vec<&str> = long.lines().skip(1).collect();
+        assert_eq!(
+            lines,
+            [
+                "box,depth 2,nee,4,3.5,4.5,,0,0,3,s,a b",
+                "box,depth 9,bpt,60,,,lower,0,0,3,s,a b",
+            ]
+        );
+        let wide = table.to_wide_csv();
+        assert_eq!(
+            wide.lines().nth(1),
+            Some("box,4,3,0.5,,3,"),
+            "the bound has runs, but no value"
+        );
+    }
 }

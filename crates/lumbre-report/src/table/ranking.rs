@@ -217,6 +217,14 @@ mod tests {
         assert_eq!(significant_best(&clear, Ranking::ShorterTime), Some(0));
         assert_eq!(significant_best(&clear, Ranking::HigherRate), Some(2));
         assert_eq!(significant_best(&clear, Ranking::Unranked), None);
+        let ranked = |name: &str| {
+            let metric = MetricSpec::new(name, name, BTreeMap::new()).unwrap();
+            Ranking::LowerError(MetricDisplay::for_metric(&metric))
+        };
+        let quality = [exact(&[0.90, 0.91, 0.89]), exact(&[0.98, 0.981, 0.979])];
+        assert_eq!(significant_best(&quality, ranked("ssim")), Some(1));
+        assert_eq!(significant_best(&clear, ranked("psnr")), Some(2));
+        assert_eq!(significant_best(&clear, ranked("rmse")), Some(0));
         let close = [
             exact(&[1.0, 1.01, 0.99]),
             exact(&[1.0, 1.02, 0.985]),

@@ -331,3 +331,120 @@ pub fn pictures(
         file("time-arrival.png", arrival_picture(movie, &meta)?),
     ])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns a film of 2 by 3 pixels and `bins` bins from 10.0, half a unit wide, with two samples.
+    /// `value` is the mean of a pixel in a slot, in all channels.
+    fn cube(bins: u32, value: impl Fn(u32, u32, u32) -> f64) -> TimeCube {
+        let (width, height, slots) = (2, 3, bins + 2);
+        let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        let sum: Vec<[f64; 3]> = places
+            .flat_map(|(x, y)| (0..slots).map(move |slot| (x, y, slot)))
+            .map(|(x, y, slot)| [2.0 * value(x, y, slot); 3])
+            .collect();
+        TimeCube {
+            axis: TimeAxis {
+                start: 10.0,
+                bin: 0.5,
+                bins,
+            },
+            width,
+            height,
+            samples: 2,
+            square: vec![[0.0; 3]; sum.len()],
+            sum,
+        }
+    }
+
+    /// Returns a film whose pixels and bins all differ.
+    fn distinct() -> Movie {
+        let value = |x, y, slot| f64::from(100 * y + 10 * x + slot);
+        Movie::from_cube(&cube(4, value), None)
+    }
+
+    #[test]
+    fn a_movie_has_the_means_of_the_bins_without_the_light_outside() {
+        let movie = distinct();
+        let red = |x, y| movie.pixel(x, y).iter().map(|v| v[0]).collect::<Vec<_>>();
+        assert_eq!(red(0, 0), [1.0, 2.0, 3.0, 4.0]);
+        assert_eq!(red(1, 2), [211.0, 212.0, 213.0, 214.0]);
+        assert_eq!(movie.steady().data[1], [11.0 + 12.0 + 13.0 + 14.0; 3]);
+        let bins = [9.99, 10.0, 10.6, 11.99, 12.0].map(|length| movie.bin(length));
+        assert_eq!(bins, [None, Some(0), Some(1), Some(3), None]);
+    }
+
+    #[test]
+    fn streaks_show_a_row_with_bins_downwards_and_a_column_with_bins_to_the_right() {
+        let movie = distinct();
+        let red = |image: &Image| image.data.iter().map(|v| v[0]).collect::<Vec<_>>();
+        let row = streak_x(&movie, 1);
+        assert_eq!([row.width, row.height], [2, 4]);
+        assert_eq!(red(&row)[..4], [101.0, 111.0, 102.0, 112.0]);
+        let column = streak_y(&movie, 1);
+        assert_eq!([column.width, column.height], [4, 3]);
+        assert_eq!(red(&column)[3..6], [14.0, 111.0, 112.0]);
+    }
+
+    #[test]
+    fn stills_cover_the_axis_without_gaps() {
+        for bins in [1, 5, 12, 13, 25, 100] {
+            let stills = Movie::from_cube(&cube(bins, |_, _, _| 1.0), None).stills();
+            assert_eq!(stills.len() as u32, bins.min(STILLS));
+            assert_eq!(stills[0].start, 0);
+            assert_eq!(stills.last().unwrap().end, bins);
+            assert!(stills.windows(2).all(|pair| pair[0].end == pair[1].start));
+        }
+    }
+
+    #[test]
+    fn animations_span_the_lit_bins() {
+        let lit = |slots: Range<u32>| {
+            let value = move |x, _, slot| f64::from(u8::from(x == 1 && slots.contains(&slot)));
+            Movie::from_cube(&cube(20, value), None)
+        };
+        assert_eq!(
+            lit(4..11).groups(10),
+            [3..4, 4..5, 5..6, 6..7, 7..8, 8..9, 9..10]
+        );
+        assert_eq!(lit(4..11).groups(3), [3..6, 6..9, 9..12]);
+        assert_eq!(lit(20..21).groups(3), [19..20]);
+        assert_eq!(lit(0..0).groups(1), [0..20], "all bins of a black film");
+    }
+
+    #[test]
+    fn arrival_times_are_centres_of_bins() {
+        // Slot 1 is the bin from 10.0 to 10.5.
+        let light = [0.0, 0.05, 0.2, 1.0, 0.75];
+        let value = |x, y, slot| match (x, y) {
+            (1, 0) => light.get(slot as usize).copied().unwrap_or(0.0),
+            _ => 0.0,
+        };
+        let found = arrival(&Movie::from_cube(&cube(6, value), None));
+        assert_eq!(found.data[0], [0.0; 3], "no light arrives");
+        let [first, peak, mean] = found.data[1].map(f64::from);
+        let expected = (0.05 * 10.25 + 0.2 * 10.75 + 11.25 + 0.75 * 11.75) / 2.0;
+        assert_eq!([first, peak], [10.75, 11.25]);
+        assert!((mean - expected).abs() < 1e-5, "{mean} {expected}");
+    }
+
+    #[test]
+    fn curves_are_means_of_their_region() {
+        let movie = distinct();
+        let whole = TimeCurve::region(&movie, [0, 0, 9, 9], "all");
+        let expected = [1.0, 2.0, 3.0, 4.0].map(|bin| 100.0 + 5.0 + bin);
+        for (value, expected) in whole.values.iter().zip(expected) {
+            assert!((value[1] - expected).abs() < 1e-9, "{value:?} {expected}");
+        }
+        let pixel = TimeCurve::region(&movie, [1, 2, 2, 3], "one");
+        assert_eq!(pixel.values[3], [214.0; 3]);
+        let csv = curves_csv(&movie, &[pixel]);
+        assert_eq!(
+            csv.lines().nth(1),
+            Some("10,211,211,211"),
+            "length of the start of the bin, then the colour"
+        );
+    }
+}

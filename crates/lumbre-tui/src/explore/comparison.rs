@@ -100,5 +100,10 @@ mod tests {
         edited.put("view", Some("side".into()));
         assert!(comparison.share_view(&edited));
         assert_eq!(comparison.other.get("camera.position"), None);
+        for view in [Some("side"), Some("top"), None] {
+            edited.put("view", view.map(Value::from));
+            comparison.share_view(&edited);
+            assert_eq!(comparison.other.get("view"), edited.get("view"));
+        }
     }
 }

@@ -241,3 +241,41 @@ fn difference(all: &[MetricSpec], metric: usize, frames: &[Arc<Frame>; SLOTS]) -
         samples: [a.samples, b.samples],
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lumbre_light::film::Image;
+
+    #[test]
+    fn errors_are_at_the_places_of_their_metrics() {
+        let all = metrics();
+        let picture = |x: f32| Arc::new(Image::from_fn(16, 12, |_, _| [x; 3]));
+        let reference = picture(0.5);
+        // The first metric cannot be computed.
+        let indices: Vec<usize> = (1..all.len()).collect();
+        let prepared = Prepared {
+            number: 1,
+            indices: indices.clone(),
+            evaluator: Evaluator::new(&all[1..], Arc::clone(&reference)),
+        };
+        let frame = Frame {
+            image: picture(0.75),
+            samples: 4,
+            render_s: 1.0,
+            paths: 1,
+            rays: 1,
+            invalid: 0,
+            noise: None,
+            variance: None,
+            part: None,
+            layers: Vec::new(),
+        };
+        let row = errors(all.len(), &prepared, &frame).unwrap();
+        assert!(row.metrics[0].is_nan());
+        for index in indices {
+            let alone = all[index].eval(&frame.image, &reference).unwrap();
+            assert_eq!(row.metrics[index], alone, "{}", all[index].column);
+        }
+    }
+}

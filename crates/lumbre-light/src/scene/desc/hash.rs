@@ -501,4 +501,16 @@ mod tests {
             assert_ne!(mesh_hash(&m), base);
         }
     }
+
+    #[test]
+    fn the_materials_of_triangles_affect_the_hash_of_a_mesh() {
+        let two = |slots: [u32; 2]| MeshDesc {
+            triangles: vec![[0, 1, 2], [0, 2, 1]],
+            slots: vec!["m".to_owned(), "n".to_owned()],
+            triangle_slot: slots.to_vec(),
+            ..mesh()
+        };
+        assert_ne!(mesh_hash(&two([0, 1])), mesh_hash(&two([1, 0])));
+        assert_eq!(mesh_hash(&two([0, 1])), mesh_hash(&two([0, 1])));
+    }
 }

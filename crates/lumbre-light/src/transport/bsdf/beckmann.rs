@@ -219,4 +219,17 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn visible_slopes_follow_their_distribution_for_all_elevations() {
+        // From grazing views to nearly vertical ones.
+        for cot in [0.02f32, 0.5, 3.0, 12.0, 100.0, 1e5] {
+            let below = |x: f32| cumulative(cot, x, (-x * x).exp());
+            for u in [0.05f32, 0.3, 0.5, 0.8, 0.95] {
+                let x = visible_slope(cot, u);
+                let share = below(x) / below(cot.min(6.0));
+                assert!((share - u).abs() < 2e-3, "{cot} {u}: {share} at {x}");
+            }
+        }
+    }
 }

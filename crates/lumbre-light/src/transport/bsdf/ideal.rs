@@ -84,3 +84,30 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Ideal<V> {
         (valid, sample)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_one_sided_surface_absorbs_at_its_back_what_no_glass_transmits() {
+        let surface = |one_sided| Ideal::<Vec3> {
+            base_color: Vec3::ONE,
+            ior: 1.5,
+            mix: [0.5, 0.25, 0.25],
+            one_sided,
+        };
+        let drawn = |one_sided, wo| {
+            let choices = (0..100).map(|i| (i as f32 + 0.5) / 100.0);
+            let valid = choices.filter(|u| {
+                let mode = TransportMode::Radiance;
+                surface(one_sided).sample(wo, *u, [0.3, 0.6], mode).0
+            });
+            valid.count()
+        };
+        let (front, back) = (Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.6, 0.0, -0.8));
+        assert_eq!(drawn(true, front), 100);
+        assert_eq!(drawn(false, back), 100);
+        assert_eq!(drawn(true, back), 25, "the share of the glass");
+    }
+}

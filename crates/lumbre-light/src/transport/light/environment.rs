@@ -279,4 +279,23 @@ mod tests {
             );
         }
     }
+
+    #[test]
+    fn directions_across_the_seam_are_sampled() {
+        for lit in [0, 3] {
+            let texels = (0..4).map(|x| [f32::from(u8::from(x == lit)); 3]).collect();
+            let environment = EnvironmentLight::new(&Environment {
+                map: Some(Arc::new(Texture::new(4, 1, texels))),
+                radiance: Vec3::ONE,
+                rotation_rad: 0.0,
+                sampling: EnvironmentSampling::default(),
+            })
+            .unwrap();
+            for u in [0.01, 0.99] {
+                let radiance = environment.radiance::<f32, 1>(horizon(u), true).x;
+                let density = environment.pdf_w::<f32, 1>(horizon(u), true);
+                assert!(radiance > 0.4 && density > 0.0, "{lit} {u}: {density}");
+            }
+        }
+    }
 }

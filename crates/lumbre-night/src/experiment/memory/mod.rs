@@ -145,6 +145,18 @@ mod tests {
     }
 
     #[test]
+    fn a_run_that_splats_needs_a_second_film() {
+        let bytes = |integrator: &str| {
+            run_bytes(&Settings {
+                resolution: Some([100, 10]),
+                ..Settings::new(integrator)
+            })
+        };
+        assert_eq!(bytes("bdpt") - bytes("nee"), 1000 * SPLAT_BYTES_PER_PIXEL);
+        assert_eq!(bytes("nee"), 1000 * (BYTES_PER_PIXEL + MEASURING_BYTES));
+    }
+
+    #[test]
     fn meminfo_is_parsed() {
         let text =
             "MemTotal:       16316412 kB\nMemFree:         1 kB\nMemAvailable:    8158206 kB\n";

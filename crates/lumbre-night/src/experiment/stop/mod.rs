@@ -321,6 +321,35 @@ mod tests {
     }
 
     #[test]
+    fn one_limit_alone_ends_a_run_by_a_limit() {
+        let is_limit = |rule: StopRule| {
+            let cause = rule.check(&rows(&[0.96, 0.97]), &specs(["rmse", "ssim"]), &mut |_| {
+                Ok(true)
+            });
+            cause.unwrap().unwrap().is_limit
+        };
+        let (time, samples) = (StopRule::Time(1.0), StopRule::Samples(8));
+        assert!(is_limit(time.clone()) && is_limit(samples.clone()));
+        assert!(!is_limit(above(2)) && !is_limit(StopRule::Waves(2)));
+        let later = StopRule::Time(9.0);
+        for (parts, expected) in [
+            (vec![time.clone(), above(2)], true),
+            (vec![later.clone(), samples.clone()], true),
+            (vec![later, above(2)], false),
+        ] {
+            assert_eq!(
+                is_limit(StopRule::Any(parts.clone())),
+                expected,
+                "{parts:?}"
+            );
+        }
+        assert!(is_limit(StopRule::All(vec![samples.clone()])));
+        for parts in [vec![samples.clone(), above(2)], vec![time, samples]] {
+            assert!(!is_limit(StopRule::All(parts.clone())), "{parts:?}");
+        }
+    }
+
+    #[test]
     fn a_comparison_with_an_unmeasured_metric_is_false() {
         let unmeasured = [WaveRow {
             wave: 1,

@@ -205,4 +205,18 @@ mod tests {
             "{exact:?}"
         );
     }
+
+    #[test]
+    fn the_test_of_the_exponent_is_one_sided() {
+        let slope = |deviates: f64| Slope {
+            exponent: -0.1 + 0.02 * deviates,
+            error: 0.02,
+            dof: 1e6,
+        };
+        // The normal distribution above 0, 1.6449, -1.6449 and 2.3263 standard deviations.
+        for (deviates, expected) in [(0.0, 0.5), (1.6449, 0.05), (-1.6449, 0.95), (2.3263, 0.01)] {
+            let p = slope(deviates).p_steeper(-0.1);
+            assert!((p - expected).abs() < 1e-4, "{deviates}: {p}");
+        }
+    }
 }

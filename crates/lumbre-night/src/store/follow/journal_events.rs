@@ -241,3 +241,52 @@ fn shard_prefix(run: &str) -> String {
 fn shard_key(run: &str, shard: &ShardRecord) -> String {
     format!("{}{}", shard_prefix(run), shard.number)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::schema::journal::{NightStart, RunEnd, RunStart};
+
+    #[test]
+    fn runs_of_a_night_that_was_killed_are_not_live() {
+        let started = |run: &str| {
+            JournalEvent::CellStarted(RunStart {
+                run: run.to_owned(),
+                ..RunStart::default()
+            })
+        };
+        let ended = |run: &str| {
+            JournalEvent::CellFinished(RunEnd {
+                run: run.to_owned(),
+                ..RunEnd::default()
+            })
+        };
+        let night = || JournalEvent::NightStarted(NightStart::default());
+        let live = |events: Vec<JournalEvent>| {
+            let line = |event| WorkerLine {
+                worker: String::new(),
+                date: String::new(),
+                event,
+            };
+            let lines: Vec<WorkerLine> = events.into_iter().map(line).collect();
+            live_lines(&lines).into_iter().collect::<Vec<_>>()
+        };
+        let running = vec![
+            night(),
+            started("a"),
+            started("b"),
+            ended("a"),
+            started("c"),
+        ];
+        assert_eq!(live(running), [2, 4]);
+        let killed = vec![night(), started("a"), started("b"), night(), started("c")];
+        assert_eq!(live(killed), [4]);
+        let over = vec![
+            night(),
+            started("a"),
+            started("b"),
+            JournalEvent::NightFinished {},
+        ];
+        assert_eq!(live(over), [2], "the newest run is shown");
+    }
+}

@@ -533,4 +533,41 @@ mod tests {
             assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
         }
     }
+
+    #[test]
+    fn a_locked_claim_is_held_however_old_it_is() {
+        let dir = tempfile::tempdir().unwrap();
+        let (a, b) = (Claims::new(), Claims::new());
+        assert_eq!(a.acquire(dir.path()).unwrap(), Claim::Granted);
+        // As if the process had been suspended.
+        grow_old(&dir.path().join(FILE));
+        assert!(held_elsewhere(b.acquire(dir.path())) && a.holds(dir.path()));
+    }
+
+    #[test]
+    fn a_claim_of_another_machine_is_held_for_the_whole_lease() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join(FILE);
+        let far = Owner {
+            boot: "another".to_owned(),
+            ..Owner::named("far away", 1)
+        };
+        fs::write(&path, far.claim_text()).unwrap();
+        let file = File::options().write(true).open(&path).unwrap();
+        file.set_modified(SystemTime::now() - LEASE / 2).unwrap();
+        assert!(held_elsewhere(Claims::new().acquire(dir.path())));
+    }
+
+    #[test]
+    fn a_release_leaves_the_claim_of_another_process() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join(FILE);
+        let here = Claims::new();
+        assert_eq!(here.acquire(dir.path()).unwrap(), Claim::Granted);
+        // Another machine has taken the claim over after a suspension of this process.
+        fs::remove_file(&path).unwrap();
+        fs::write(&path, Owner::named("far away", 1).claim_text()).unwrap();
+        here.release(dir.path());
+        assert!(path.exists());
+    }
 }

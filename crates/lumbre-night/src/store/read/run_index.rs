@@ -320,6 +320,30 @@ mod tests {
     }
 
     #[test]
+    fn a_run_of_the_same_size_but_another_time_is_read_again() {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = run(dir.path(), "aa", "first");
+        let mut index = RunIndex::open(dir.path());
+        assert_eq!(reason(&mut index, &folder).unwrap(), "first");
+        run(dir.path(), "aa", "again");
+        let done = fs::File::options().write(true).open(folder.join(DONE));
+        let later = std::time::SystemTime::now() + std::time::Duration::from_secs(60);
+        done.unwrap().set_modified(later).unwrap();
+        assert_eq!(reason(&mut index, &folder).unwrap(), "again");
+    }
+
+    #[test]
+    fn a_run_that_was_copied_to_the_folder_of_another_is_not_done() {
+        let dir = tempfile::tempdir().unwrap();
+        let a = run(dir.path(), "aa", "samples");
+        let b = run(dir.path(), "bb", "samples");
+        fs::copy(a.join(DONE), b.join(DONE)).unwrap();
+        let mut index = RunIndex::open(dir.path());
+        assert!(index.finished(&a, DONE).unwrap().is_some());
+        assert!(index.finished(&b, DONE).is_err());
+    }
+
+    #[test]
     fn every_field_survives_the_file() {
         let dir = tempfile::tempdir().unwrap();
         let full = FinishedSummary {

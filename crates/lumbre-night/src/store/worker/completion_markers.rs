@@ -142,4 +142,29 @@ mod tests {
             (None, None)
         );
     }
+
+    #[test]
+    fn a_run_that_is_done_after_a_failure_counts_as_done() {
+        let dir = tempfile::tempdir().unwrap();
+        let markers = CompletionMarkers::new(dir.path());
+        markers.write("ab", CompletionMarker::Failed);
+        markers.write("ab", CompletionMarker::Done);
+        for markers in [markers, CompletionMarkers::new(dir.path())] {
+            assert_eq!(markers.find("ab"), Some(CompletionMarker::Done));
+        }
+    }
+
+    #[test]
+    fn new_markers_are_found_when_the_listing_is_old() {
+        let dir = tempfile::tempdir().unwrap();
+        let [a, b] = [(); 2].map(|()| CompletionMarkers::new(dir.path()));
+        assert_eq!(b.find("ab"), None);
+        a.write("ab", CompletionMarker::Done);
+        assert_eq!(b.find("ab"), None, "the folder is listed every few seconds");
+        let age = LISTING_VALID + Duration::from_millis(1);
+        if let Some(before) = Instant::now().checked_sub(age) {
+            b.known.borrow_mut().1 = Some(before);
+            assert_eq!(b.find("ab"), Some(CompletionMarker::Done));
+        }
+    }
 }

@@ -311,6 +311,8 @@ mod tests {
         let b = Heartbeat::join(dir.path(), &owners[1], &worker_info("b")).unwrap();
         a.set_state(WorkerState::Left("all is done".to_owned()));
         a.set_state(WorkerState::Waiting);
+        let known = lock_mutex(&a.activity).state.clone();
+        assert!(matches!(known, WorkerState::Left(_)), "it does not return");
         drop(b);
         let file = dir
             .path()
@@ -333,13 +335,13 @@ mod tests {
                 && second.device == worker_info("b").device
                 && second.process == std::process::id()
         );
-        let old = SystemTime::now() - 2 * LEASE;
-        fs::File::options()
-            .write(true)
-            .open(&file)
-            .unwrap()
-            .set_modified(old)
-            .unwrap();
+        let grow_old = |by: std::time::Duration| {
+            let open = fs::File::options().write(true).open(&file).unwrap();
+            open.set_modified(SystemTime::now() - by).unwrap();
+        };
+        grow_old(LEASE / 2);
+        assert!(find(&owners[1]).is_active(), "it may still be alive");
+        grow_old(2 * LEASE);
         assert!(find(&owners[1]).is_lost() && !find(&owners[0]).is_lost());
     }
 

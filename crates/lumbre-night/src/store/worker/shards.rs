@@ -194,6 +194,9 @@ mod tests {
             available(out, STEM, &split(0, 10, 40)).is_empty(),
             "no shard ends at their last sample"
         );
+        save_joined(out, STEM, &shards, Some(&sums(40))).unwrap();
+        assert_eq!(available(out, STEM, &shards), BTreeSet::from([1, 2, 3]));
+        assert_eq!(load_joined(out, STEM, &shards), Some(sums(40)));
     }
 
     #[test]

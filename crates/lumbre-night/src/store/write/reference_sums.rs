@@ -194,4 +194,21 @@ mod tests {
             "its name and its content differ"
         );
     }
+
+    #[test]
+    fn the_longest_sums_within_the_limit_are_loaded() {
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path();
+        store(out, "aa", 16);
+        let shorter = folder(out).join("aa.16");
+        let kept = fs::read(&shorter).unwrap();
+        store(out, "aa", 64);
+        // As if another process had stored them at the same time.
+        fs::write(&shorter, kept).unwrap();
+        let loaded = |most: u64| load(out, "aa", most).map(|found| found.progress.samples());
+        assert_eq!(
+            [15, 16, 63, 64].map(loaded),
+            [None, Some(16), Some(16), Some(64)]
+        );
+    }
 }

@@ -118,3 +118,33 @@ impl<L: Simd8> Slabs<L> {
         L::load(&bounds[bound][axis]).mul_add(self.inverse[axis], self.exit[axis])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::cpu::bvh::simd::{LANES, Portable};
+
+    #[test]
+    fn a_ray_in_the_plane_of_a_bound_meets_the_box() {
+        // Lanes differ in their bounds along x; all of them are from 2 to 5 along the ray.
+        let low = [0.0, 1.0, -3.0, 100.0, 0.5, 0.0, 2.0, 1e-3];
+        let high = low.map(|x: f32| x + 1.0);
+        let bounds =
+            |x: [f32; LANES], along: f32| [LaneArray(x), LaneArray(x), LaneArray([along; LANES])];
+        let bounds = [bounds(low, 2.0), bounds(high, 5.0)];
+        for lane in 0..LANES {
+            for edge in [low[lane], high[lane]] {
+                for zero in [0.0, -0.0] {
+                    let ray = Ray {
+                        origin: Vec3::new(edge, edge, 0.0),
+                        dir: Vec3::new(zero, zero, 1.0),
+                    };
+                    let (met, _) = Slabs::<Portable>::new(&ray).intersect(&bounds, 10.0);
+                    assert!(met & 1 << lane != 0, "{edge} {zero}");
+                }
+            }
+        }
+    }
+}

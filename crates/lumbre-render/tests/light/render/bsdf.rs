@@ -5,6 +5,7 @@ use lumbre_light::math::stats::{chi_square_p, sidak};
 use lumbre_light::math::warp::uniform_sphere;
 use lumbre_light::scene::compile::{Distribution, Material, Model};
 use lumbre_light::transport::bsdf::{Bsdf, TransportMode};
+use lumbre_light::transport::surface::{Surface, TerminatorOffset};
 
 use crate::common::WHITE;
 use lumbre_render::lobe::cells::{SphereCells, narrowest};
@@ -209,5 +210,32 @@ fn shading_normals_do_not_leak_light_through_the_surface() {
         if let Some(x) = bsdf.sample(wo, 0.3, [u[2], u[3]], TransportMode::Radiance) {
             assert!(x.wi.dot(s.n_geometric) * wo.dot(s.n_geometric) > 0.0);
         }
+    }
+}
+
+#[test]
+fn light_from_below_a_triangle_is_reflected_to_the_camera_and_not_the_other_way() {
+    let tilt = NORMAL.any_orthonormal_vector();
+    let point = Surface {
+        n_shading: (NORMAL + 0.5 * tilt).normalize_or(NORMAL),
+        terminator: Some(TerminatorOffset {
+            exists: true,
+            base: Vec3::ZERO,
+            lifted_point: NORMAL,
+            up: NORMAL,
+            lifted: false,
+        }),
+        ..surface(&WHITE)
+    };
+    let bsdf = Bsdf::new(&point, &[]);
+    let out = bsdf.outgoing((NORMAL + 0.3 * tilt).normalize_or(NORMAL));
+    // Above the plane of the shading normal, above and below the triangle.
+    for (below, modes) in [(0.2, [true, true]), (-0.2, [true, false])] {
+        let wi = (tilt + below * NORMAL).normalize_or(NORMAL);
+        let lit = [TransportMode::Radiance, TransportMode::Importance].map(|mode| {
+            let value = bsdf.values::<true>(&out, wi, mode, true);
+            value.f != Vec3::ZERO
+        });
+        assert_eq!(lit, modes, "{below}");
     }
 }

@@ -10,7 +10,7 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{NONE, Sharing, compile_sharing};
 use lumbre_light::scene::desc::{
     CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, Optics,
-    SceneDesc, ShapeDesc, Transform, mesh_hash,
+    SceneDesc, ShapeDesc, TextureDesc, TextureSlot, Transform, mesh_hash,
 };
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::ray::{Hit, Ray};
@@ -466,6 +466,39 @@ fn builders_without_instances_render_the_flattened_scene() {
         let (a, b) = (render(&scene, job(&scene), 2), render(&flat, job(&flat), 2));
         assert!(a.sum.iter().flatten().sum::<f64>() > 0.0);
         assert_eq!(a.sum, b.sum, "{builder:?}");
+    }
+}
+
+#[test]
+fn a_mask_makes_holes_in_the_instances_of_its_material_alone() {
+    let corners = vec![
+        Vec3::new(-1.0, -1.0, 0.0),
+        Vec3::new(1.0, -1.0, 0.0),
+        Vec3::new(0.0, 1.0, 0.0),
+    ];
+    let triangle = mesh(corners, vec![], vec![[0, 1, 2]], &["a"]);
+    let mut hole = MaterialDesc::new("hole");
+    hole.set_texture(TextureSlot::Mask, Some(TextureDesc::grey(0.0).into()));
+    let names = ["solid", "hole", "solid", "hole"];
+    let each = |(i, name): (usize, &str)| {
+        let transform = Transform {
+            translate: 10.0 * i as f32 * Vec3::X,
+            ..Transform::default()
+        };
+        let shape = ShapeDesc::Mesh(Arc::clone(&triangle));
+        entity(format!("{i}"), shape, transform, Some(name))
+    };
+    let entities = names.into_iter().enumerate().map(each).collect();
+    let scene = compile_shared(&desc(vec![MaterialDesc::new("solid"), hole], entities));
+    assert_eq!(scene.instances.placements.len(), 4);
+    let accel = Accel::build(scene).unwrap();
+    for (i, name) in names.into_iter().enumerate() {
+        let ray = Ray {
+            origin: Vec3::new(10.0 * i as f32, 0.0, 5.0),
+            dir: Vec3::NEG_Z,
+        };
+        let hit = accel.closest(&ray, f32::INFINITY);
+        assert_eq!(hit.is_some(), name == "solid", "{i}");
     }
 }
 

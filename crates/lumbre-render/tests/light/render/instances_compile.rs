@@ -7,7 +7,7 @@ use glam::{Affine3A, Quat, Vec3};
 use lumbre_light::math::warp::uniform_sphere;
 use lumbre_light::scene::compile;
 use lumbre_light::scene::compile::{Sharing, compile_sharing};
-use lumbre_light::scene::desc::{MaterialDesc, SceneDesc, ShapeDesc, Transform};
+use lumbre_light::scene::desc::{MaterialDesc, SceneDesc, ShadingNormals, ShapeDesc, Transform};
 use lumbre_render::cpu::bvh::accel::Accel;
 
 use crate::render::instances::{
@@ -121,6 +121,35 @@ fn entities_that_cannot_share_a_mesh_are_not_instances() {
         0,
         "anisotropic, with non-uniform scale"
     );
+}
+
+#[test]
+fn entities_share_a_mesh_only_if_their_normals_are_alike() {
+    let blob = soup(9, 12, true, &["a"]);
+    let materials = [
+        ("smooth", ShadingNormals::Smooth),
+        ("flat", ShadingNormals::Flat),
+    ];
+    let materials = materials.map(|(name, shading_normals)| MaterialDesc {
+        shading_normals,
+        ..MaterialDesc::new(name)
+    });
+    let names = ["smooth", "smooth", "flat", "flat"];
+    let each = |(i, name): (usize, &str)| {
+        let transform = Transform {
+            translate: Vec3::X * i as f32,
+            ..Transform::default()
+        };
+        let shape = ShapeDesc::Mesh(Arc::clone(&blob));
+        entity(format!("{i}"), shape, transform, Some(name))
+    };
+    let scene = desc(
+        materials.into(),
+        names.into_iter().enumerate().map(each).collect(),
+    );
+    let scene = compile_shared(&scene);
+    assert_eq!(scene.instances.placements.len(), 4);
+    assert_eq!(scene.instances.meshes.len(), 2);
 }
 
 #[test]

@@ -220,3 +220,27 @@ fn rotation_about_y(map: &DMat3) -> Option<f64> {
     let straight = (0..3).all(|i| (upright.col(i) - map.col(i)).length() < 1e-4);
     straight.then_some(angle)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lumbre_light::scene::desc::Texels;
+
+    #[test]
+    fn the_first_and_the_last_row_of_an_environment_map_are_at_the_poles() {
+        let rows = [1.0f32, 2.0, 8.0].map(|x| [[x, x, x, 1.0]; 4]);
+        let map = TextureDesc::new("map", 4, 3, Texels::RgbaF32(rows.concat()));
+        let slope = (PI / 4.0).cos();
+        for (y, expected) in [
+            (1.0, 1.0),
+            (slope, 1.5),
+            (0.0, 2.0),
+            (-slope, 5.0),
+            (-1.0, 8.0),
+        ] {
+            let across = (1.0 - y * y).max(0.0f64).sqrt();
+            let [red, ..] = in_direction(&map, DVec3::new(across, y, 0.0));
+            assert!((red - expected).abs() < 1e-5, "{y}: {red}, not {expected}");
+        }
+    }
+}

@@ -47,8 +47,7 @@ struct OpenRun {
     opened: Opened,
     done: WaveStats,
     published: Option<Instant>,
-    /// Pictures that were published at about half and a quarter of the samples, oldest first.
-    parts: Vec<(SharedImage, u64)>,
+    parts: Parts,
     noise: Option<f64>,
     variance: Option<(SharedImage, u64)>,
     /// Time that the last estimate of the noise took, and when it was made.
@@ -221,7 +220,7 @@ impl Worker {
         if rate.is_finite() && rate > 0.0 {
             self.rate = rate;
         }
-        let ends = open.reaches(limits);
+        let ends = reaches(&open.done, limits);
         if !ends
             && open
                 .published
@@ -318,11 +317,17 @@ impl PictureRun {
         let PictureState::Open(open) = &self.state else {
             return None;
         };
-        if open.reaches(wanted.limits[slot]) {
+        if reaches(&open.done, wanted.limits[slot]) {
             return Some(Status::Finished);
         }
         (wanted.paused && open.done.samples > 0).then_some(Status::Paused)
     }
+}
+
+/// Whether a picture that has done this much has reached a limit.
+fn reaches(done: &WaveStats, limits: Limits) -> bool {
+    limits.samples.is_some_and(|most| done.samples >= most)
+        || limits.seconds.is_some_and(|most| done.render_s >= most)
 }
 
 impl OpenRun {
@@ -331,7 +336,7 @@ impl OpenRun {
             opened,
             done: WaveStats::default(),
             published: None,
-            parts: Vec::new(),
+            parts: Parts::default(),
             noise: None,
             variance: None,
             noise_cost_s: 0.0,
@@ -345,13 +350,6 @@ impl OpenRun {
             .samples
             .map_or(u64::MAX, |most| most.saturating_sub(self.done.samples));
         self.done.samples_in(WAVE_S).min(left).max(1)
-    }
-
-    fn reaches(&self, limits: Limits) -> bool {
-        limits.samples.is_some_and(|most| self.done.samples >= most)
-            || limits
-                .seconds
-                .is_some_and(|most| self.done.render_s >= most)
     }
 
     /// Returns the picture with all samples so far. `last` is whether no more follow for now, so
@@ -370,7 +368,7 @@ impl OpenRun {
             self.noise_cost_s = start.elapsed().as_secs_f64();
             self.noise_at = Some(Instant::now());
         }
-        let part = self.part_of(&image, samples);
+        let part = self.parts.part_of(&image, samples);
         let renderer = &self.opened.renderer;
         let mut layers = Vec::new();
         for (index, film) in renderer.layers().iter().enumerate() {
@@ -393,18 +391,64 @@ impl OpenRun {
             layers,
         })
     }
+}
 
+/// Pictures that were published at about half and a quarter of the samples, oldest first.
+#[derive(Default)]
+struct Parts(Vec<(SharedImage, u64)>);
+
+impl Parts {
     /// Remembers a picture if it has twice the samples of the one before. Returns the one with the
     /// most samples up to a half of all.
     fn part_of(&mut self, image: &SharedImage, samples: u64) -> Option<(SharedImage, u64)> {
-        let half = self.parts.iter().rev().find(|(_, n)| 2 * n <= samples);
-        let part = half.or(self.parts.first()).cloned();
-        if self.parts.last().is_none_or(|(_, n)| samples >= 2 * n) {
-            if self.parts.len() > 1 {
-                self.parts.remove(0);
+        let half = self.0.iter().rev().find(|(_, n)| 2 * n <= samples);
+        let part = half.or(self.0.first()).cloned();
+        if self.0.last().is_none_or(|(_, n)| samples >= 2 * n) {
+            if self.0.len() > 1 {
+                self.0.remove(0);
             }
-            self.parts.push((Arc::clone(image), samples));
+            self.0.push((Arc::clone(image), samples));
         }
         part.filter(|(_, n)| *n < samples)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lumbre_light::film::Image;
+
+    #[test]
+    fn a_part_of_a_picture_has_at_most_half_of_its_samples() {
+        let mut parts = Parts::default();
+        let image = Arc::new(Image::new(1, 1));
+        let found = [1, 2, 3, 4, 6, 7, 8, 12, 15, 16].map(|samples| {
+            let part = parts.part_of(&image, samples);
+            part.map(|(_, samples)| samples)
+        });
+        let expected = [0, 1, 1, 2, 2, 2, 4, 4, 4, 8].map(|n| (n > 0).then_some(n));
+        assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn a_picture_is_finished_at_the_first_of_its_limits() {
+        let done = |samples, render_s| WaveStats {
+            samples,
+            render_s,
+            ..WaveStats::default()
+        };
+        let limits = Limits {
+            samples: Some(16),
+            seconds: Some(2.0),
+        };
+        for (samples, render_s, expected) in [
+            (15, 1.9, false),
+            (16, 1.9, true),
+            (15, 2.0, true),
+            (1000, 1000.0, true),
+        ] {
+            assert_eq!(reaches(&done(samples, render_s), limits), expected);
+        }
+        assert!(!reaches(&done(1000, 1000.0), Limits::default()));
     }
 }

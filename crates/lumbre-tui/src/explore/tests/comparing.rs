@@ -127,6 +127,14 @@ fn a_reference_never_shares_its_seed_or_another_view() {
         [Some(Mismatch::View); 2]
     );
     press(&mut state, "0");
+    let change = ("materials.white.roughness".to_owned(), Value::Num(0.5));
+    state.settings.set.extend([change]);
+    assert_eq!(
+        state.mismatch(Slot::B),
+        Some(Mismatch::View),
+        "the scene has another material"
+    );
+    state.settings.set.clear();
     state.resolution = [17, 12];
     assert_eq!(state.mismatch(Slot::A), Some(Mismatch::View));
 }

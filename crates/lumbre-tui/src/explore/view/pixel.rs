@@ -113,3 +113,38 @@ fn layers(picture: &Picture, [x, y]: [u32; 2]) -> Vec<String> {
         .map(|layer| format!("{}: {}", layer.film.name(), triple(layer.image.at(x, y))))
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use lumbre_light::film::Image;
+
+    #[test]
+    fn the_error_of_a_pixel_falls_with_the_samples_since_its_estimate() {
+        let flat = |x: f32| Arc::new(Image::from_fn(2, 1, |_, _| [x; 3]));
+        let picture = Picture {
+            image: flat(0.5),
+            samples: 64,
+            render_s: 1.0,
+            paths: 1,
+            rays: 1,
+            invalid: 0,
+            noise: None,
+            // A sample has the variance 0.64, so that the mean of 64 has 0.01.
+            variance: Some((flat(0.04), 16)),
+            part: None,
+            layers: Vec::new(),
+        };
+        let rows = values(&picture, [1, 0]);
+        let row = |name: &str| rows.iter().find_map(|row| row.strip_prefix(name)).unwrap();
+        let three = |x: f32| format!(" {}", triple([x; 3]));
+        assert_eq!(row("std. error"), three(0.1));
+        assert_eq!(row("variance of a sample"), three(0.64));
+        assert!(
+            values(&picture, [2, 0]).is_empty(),
+            "outside of the picture"
+        );
+    }
+}

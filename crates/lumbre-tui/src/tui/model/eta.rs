@@ -257,6 +257,29 @@ mod tests {
     }
 
     #[test]
+    fn a_power_law_gives_the_time_until_any_kind_of_metric_reaches_a_value() {
+        // The error is 1 after a second and falls with the square root of time.
+        let law = |perfect, decibel| ErrorPowerLaw {
+            ln_a: 0.0,
+            slope: -0.5,
+            perfect,
+            decibel,
+        };
+        let seconds = |law: ErrorPowerLaw, op, value| {
+            let seconds = law.seconds_until(op, value);
+            seconds.map(|s| (s * 1e6).round() / 1e6)
+        };
+        let (below, above) = (Comparison::Less, Comparison::Greater);
+        assert_eq!(seconds(law(None, false), below, 0.1), Some(100.0));
+        assert_eq!(seconds(law(None, false), above, 0.1), None);
+        assert_eq!(seconds(law(Some(1.0), false), above, 0.9), Some(100.0));
+        // An error of 0.1 is 20 dB of PSNR.
+        assert_eq!(seconds(law(None, true), above, 20.0), Some(100.0));
+        assert_eq!(seconds(law(None, true), above, 40.0), Some(1e4));
+        assert_eq!(seconds(law(None, true), below, 20.0), None);
+    }
+
+    #[test]
     fn the_remaining_time_follows_from_the_speed_so_far() {
         let left = |rule| render_left(&rule, &row(), &|_| None);
         assert_eq!(

@@ -170,6 +170,19 @@ fn among_interleaved_cells_the_current_one_is_shown() {
 }
 
 #[test]
+fn measurements_of_an_interleaved_cell_leave_the_current_one_alone() {
+    let mut night = in_the_middle();
+    let (alone, _) = night.model();
+    night.render(CellRef::Cell(3), 4);
+    let (model, _) = night.model();
+    let [before, current] = [alone, model.clone()].map(|model| model.current.unwrap());
+    assert_eq!(current.cell, CellRef::Cell(2));
+    assert_eq!(current.curve.last(), before.curve.last());
+    let rival = &model.interleaved[&CellRef::Cell(3)];
+    assert_eq!(rival.curve.last().map(|row| row.samples), Some(16));
+}
+
+#[test]
 fn the_time_pane_is_drawn() {
     let (model, now_s) = night();
     let mut view = View {

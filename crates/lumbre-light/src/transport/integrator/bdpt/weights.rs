@@ -523,3 +523,23 @@ pub fn others_t1<R: Real<Vec3 = V>, V: Vector<Scalar = R>>(
 pub fn others_s1_t1<R: Real>(h: Heuristic, end: &LightEnd<R>, pdf_w: R) -> R::Double {
     h.term(pdf_w.double() * end.back.double() / end.start)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_sampled_light_replaces_several_connections() {
+        let counts = StrategyCounts {
+            connecting: 4.0,
+            direct: 1.0,
+            ..StrategyCounts::ONE_EACH
+        };
+        for (h, expected) in [(Heuristic::Balance, 0.25), (Heuristic::Power, 0.0625)] {
+            // The term of light sampling over that of a connection, as their numbers of samples.
+            let terms = [counts.of(1, 3), counts.of(2, 3)].map(|n| h.term(n));
+            assert_eq!(terms[0] / terms[1], expected);
+            assert_eq!(counts.direct_over_connecting::<f64>(h), expected);
+        }
+    }
+}

@@ -201,6 +201,21 @@ mod tests {
                 (mass(3.0) / mass(1.0) - expected).abs() < 1e-6,
                 "{target:?}"
             );
+            // The light of a direction is divided by its density, with which it is drawn.
+            let of_density = |pdf_w: f32| {
+                let light = glam::Vec3::splat(6.0 / pdf_w);
+                pdf_w * target.value(light, pdf_w)
+            };
+            assert!(
+                (of_density(2.0) / of_density(4.0) - 1.0).abs() < 1e-6,
+                "{target:?}"
+            );
+            // A cell of four times the area with the same mean value.
+            let mass_of = target.mass_of();
+            assert!(
+                (mass_of(4.0, 1.0) / mass_of(1.0, 0.25) - 4.0).abs() < 1e-6,
+                "{target:?}"
+            );
         }
     }
 }

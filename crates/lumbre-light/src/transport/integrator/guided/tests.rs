@@ -234,6 +234,18 @@ fn memory_stays_below_its_limit() {
 }
 
 #[test]
+fn the_memory_of_a_tree_includes_its_cells_of_directions() {
+    let one = SdTree::new([Vec3::ZERO, Vec3::ONE]);
+    let unlimited = Limits {
+        vertices: f64::INFINITY,
+        bytes: u64::MAX,
+    };
+    let refined = one.refined(&filled(&one, 1_000), &unlimited);
+    assert_eq!(refined.leaves(), one.leaves());
+    assert!(refined.bytes() > one.bytes());
+}
+
+#[test]
 fn training_iterations_double_and_use_all_paths() {
     assert_eq!(schedule(1), [1]);
     assert_eq!(schedule(2), [2]);

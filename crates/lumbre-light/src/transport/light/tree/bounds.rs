@@ -161,3 +161,23 @@ impl LightBounds {
         self.power * (high - low).length_squared() * angle.max(0.1)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_group_emits_where_any_of_its_lights_does() {
+        let wall = LightBounds::triangle([Vec3::ZERO, Vec3::X, Vec3::Y], 1.0);
+        let narrow = LightBounds {
+            emission: 0.0,
+            directions: wall.directions,
+            ..LightBounds::round([Vec3::Z; 2], 2.0)
+        };
+        for both in [wall.union(&narrow), narrow.union(&wall)] {
+            assert_eq!(both.emission, FRAC_PI_2);
+            assert_eq!(both.power, 3.0);
+            assert_eq!(both.corners, [Vec3::ZERO, Vec3::ONE]);
+        }
+    }
+}

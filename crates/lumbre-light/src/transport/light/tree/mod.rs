@@ -307,3 +307,42 @@ fn light_bounds(scene: &CompiledScene, id: LightId, power: f32) -> LightBounds {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_light_among_others_may_be_chosen_from_the_points_that_it_reaches() {
+        // Narrow spots that point upwards, in a cube that contains the points to light, and a
+        // light in all directions.
+        let count = 64;
+        let at = |i: u32| {
+            let [x, y, z, _] =
+                pcg4d([i, 1, 2, 3]).map(|bits| (bits >> 8) as f32 / (1 << 24) as f32);
+            Vec3::new(x, y, z)
+        };
+        let spot = |i: u32| LightBounds {
+            emission: 0.1,
+            directions: bounds::Directions {
+                axis: Vec3::Z,
+                spread: 0.0,
+            },
+            ..LightBounds::round([at(i); 2], 1.0)
+        };
+        let mut items: Vec<(u32, LightBounds)> = (0..count).map(|i| (i, spot(i))).collect();
+        items.push((count, LightBounds::round([Vec3::splat(9.0); 2], 1.0)));
+        let mut places = vec![NONE; items.len()];
+        let tree = LightTree {
+            nodes: build::nodes(items, &mut places),
+            places,
+            near: 1.0,
+            distant: None,
+            first_distant: count + 1,
+        };
+        for i in 0..count {
+            let lit = at(i) + 0.05 * Vec3::Z;
+            assert!(tree.probability(lit, i) > 0.0, "spot {i}");
+        }
+    }
+}
