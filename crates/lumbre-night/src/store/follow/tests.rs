@@ -463,7 +463,7 @@ fn the_time_resolved_film_is_reported_once_after_the_run() {
     );
     let cell = Arc::make_mut(&mut plan.cells[0].config);
     cell.timing =
-        lumbre_light::transport::path_time::Timing::from_film(film.as_map().unwrap(), "film")
+        lumbre_light::transport::time_settings::Timing::from_film(film.as_map().unwrap(), "film")
             .unwrap();
     let store = Store::open(dir.path(), &plan, decode).unwrap();
     store.journal(night_start()).unwrap();
