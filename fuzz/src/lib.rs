@@ -28,7 +28,7 @@ use lumbre_light::scene::desc::{EntityDesc, SceneDesc, ShapeDesc};
 use lumbre_scene_io::load::{self, MissingTextures};
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::integrator;
-use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::time_settings::Timing;
 use lumbre_light::transport::sampler::SOBOL;
 use lumbre_render::{Job, Renderer};
 use mutation::Extent;

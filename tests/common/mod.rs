@@ -15,7 +15,7 @@ use lumbre_light::scene::compile::{
 };
 use lumbre_light::scene::desc::{CameraDesc, ConeDesc, Optics};
 use lumbre_light::transport::integrator::integrator;
-use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::time_settings::Timing;
 use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 
 /// A white, opaque, ideal material that emits nothing.

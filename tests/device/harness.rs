@@ -8,7 +8,7 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{DelayProfile, Delays, MaterialComponent};
 use lumbre_light::scene::desc::{DelayDesc, DelayKind};
 use lumbre_light::transport::integrator::IntegratorRow;
-use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::time_settings::Timing;
 use lumbre_render::Advance;
 use lumbre_render::shaders::Shaders;
 use lumbre_vulkan::context::instance;

@@ -6,7 +6,6 @@ use lumbre_render::{Job, Renderer};
 use lumbre_vulkan::layout::SubpathVertex;
 use lumbre_vulkan::memory::subpaths::SubpathRoom;
 use lumbre_vulkan::renderer::VulkanRenderer;
-use lumbre_vulkan::schedule::pixel_samples::PixelSamples;
 
 use super::harness;
 use super::images::{render, room, state, technique_job};
@@ -26,14 +25,14 @@ fn pictures_of_which_a_few_rows_have_room_have_the_same_bits() {
             sampler: SOBOL,
             ..technique_job(name, 33)
         };
-        let whole = SubpathRoom::new(&job, PixelSamples::InTurn, u64::MAX);
+        let whole = SubpathRoom::new(&job, None, u64::MAX);
         assert_eq!(whole.rows(64), 40, "{name}");
         // Just more than three rows have room beside the subpaths that samples share.
         let vertices = whole.shared() + (3 * 64 + 10) * u64::from(whole.of_sample);
         let narrow = harness::changed(&device, |limits, _| {
             limits.storage_range = vertices * size_of::<SubpathVertex>() as u64;
         });
-        let room = SubpathRoom::new(&job, PixelSamples::InTurn, narrow.info.limits.storage_range);
+        let room = SubpathRoom::new(&job, None, narrow.info.limits.storage_range);
         assert_eq!(room.rows(64), 3, "{name}");
         let states = [&device, &narrow].map(|device| {
             let sources = harness::sources();

@@ -19,7 +19,6 @@ use lumbre_vulkan::memory::upload::{JobBuffers, SceneBuffers};
 use lumbre_vulkan::pipelines::program::TracingMode;
 use lumbre_vulkan::pipelines::test_kernel;
 use lumbre_vulkan::renderer::into_render_error;
-use lumbre_vulkan::schedule::pixel_samples::PixelSamples;
 
 use super::harness;
 use super::images::{render, scene_with_all_lights, supported_modes};
@@ -109,7 +108,7 @@ fn shaders_find_every_texel_in_blocks_of_every_size() {
         let device = limited_to(&device, limit);
         let buffers = SceneBuffers::new(&device, &scene).unwrap();
         assert_eq!(buffers.texel_shift(), shift, "{limit} words");
-        let room = SubpathRoom::new(&job, PixelSamples::InTurn, u64::MAX);
+        let room = SubpathRoom::new(&job, None, u64::MAX);
         let rest = JobBuffers::new(&device, &scene, &job, &LayerLayout::default(), &room).unwrap();
         let constants = Specialization {
             texel_shift: shift.unwrap_or(NONE),

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use lumbre_light::film::time::{TimeCube, TimeFilter, sum_slots};
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::transport::delay::Profile;
-use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::time_settings::Timing;
 use lumbre_render::cpu::renderer::CpuRenderer;
 use lumbre_render::{Job, Renderer};
 use lumbre_vulkan::context::device::Device;

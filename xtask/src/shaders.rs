@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use lumbre_vulkan::pipelines::glsl::Compiler;
-use lumbre_vulkan::pipelines::modules::{Recipe, manifest, recipes};
+use lumbre_vulkan::pipelines::modules::{manifest, recipes};
+use lumbre_vulkan::pipelines::recipe::Recipe;
 use lumbre_vulkan::pipelines::sources::Sources;
 use lumbre_vulkan::pipelines::test_kernel;
 use rayon::prelude::*;

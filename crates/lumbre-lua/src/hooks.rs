@@ -17,9 +17,8 @@ use super::{Script, strict};
 use lumbre_light::transport::integrator::{UNBIASED_REFERENCE, bias_of};
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::SchemaError;
-use lumbre_night::experiment::spec::{
-    BiasCheckRequest, HookError, Point, ReferenceRequest, ScriptHooks,
-};
+use lumbre_night::experiment::hook_error::HookError;
+use lumbre_night::experiment::spec::{BiasCheckRequest, Point, ReferenceRequest, ScriptHooks};
 use lumbre_night::experiment::{StopRule, WaveRow};
 use lumbre_render::Settings;
 use lumbre_render::settings::find::find_file;

@@ -6,8 +6,8 @@ use std::sync::OnceLock;
 use crate::cpu::wavefront::TileMethod;
 use crate::plugin::Plugin;
 use lumbre_light::transport::integrator::camera_path::CameraPaths;
-use lumbre_light::transport::integrator::own::{self, Registered, RegistrationError};
-use lumbre_light::transport::integrator::{IntegratorRow, camera_path};
+use lumbre_light::transport::integrator::own::{Registered, RegistrationError};
+use lumbre_light::transport::integrator::{self, IntegratorRow, camera_path};
 
 /// The registered techniques of this process.
 static OWN: OnceLock<Vec<OwnTechnique>> = OnceLock::new();
@@ -59,7 +59,7 @@ pub fn register(techniques: &[OwnTechnique], plugins: &[Plugin]) -> Result<(), R
         row: plugin.row,
         library: Some(plugin.hash.clone()),
     });
-    own::register(own.chain(of_libraries).collect())?;
+    integrator::register(own.chain(of_libraries).collect())?;
     OWN.set(techniques.to_vec())
         .map_err(|_| RegistrationError::TooLate)
 }

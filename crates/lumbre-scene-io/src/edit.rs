@@ -17,7 +17,7 @@ use glam::Vec3;
 pub use lights::{ENVIRONMENT_PARAMS, EnvironmentParam, LIGHT_PARAMS, LightParam};
 
 use crate::load;
-use lumbre_light::scene::desc::material_params::MaterialParam;
+use lumbre_light::scene::desc::material::MaterialParam;
 use lumbre_light::scene::desc::{
     CAMERA_KIND_NAMES, CameraKind, EntityDesc, MATERIAL_PARAMS, MAX_COORDINATE, MAX_EDGES,
     MAX_SIDE, MAX_WINDOW_EDGE, SceneDesc, ShapeDesc, TextureSlot, VIEW_HEIGHT_RANGE, ViewWindow,

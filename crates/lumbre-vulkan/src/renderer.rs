@@ -144,7 +144,7 @@ impl VulkanRenderer {
         let splat_mode = SplatMode::select(job.integrator.splats, device.info.caps.float_atomics);
         let start = Instant::now();
         let scene_buffers = session::scene(device, scene)?;
-        let room = SubpathRoom::new(job, samples, device.info.limits.storage_range);
+        let room = SubpathRoom::new(job, samples.at_once(), device.info.limits.storage_range);
         let job_buffers = JobBuffers::new(device, scene, job, &layout, &room)?;
         let upload_s = start.elapsed().as_secs_f64();
         let traversal = Traversal::new(device, kind, scene, &job.settings.accel, &scene_buffers)?;

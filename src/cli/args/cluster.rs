@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use super::ScriptArgs;
+use super::script::ScriptArgs;
 use super::typed::axis_values;
 use lumbre_light::value::Value;
 use lumbre_night::experiment::comparison_groups::Affinity;

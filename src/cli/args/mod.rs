@@ -9,6 +9,7 @@ mod measure;
 mod night;
 mod output;
 mod scene;
+mod script;
 mod typed;
 mod without_script;
 
@@ -19,9 +20,10 @@ use clap::{Args, Parser, Subcommand};
 pub use cluster::{CancelArgs, JobArgs, Scheduler, SubmitArgs, WorkArgs};
 pub use inspect::{LsArgs, ShowArgs, StatusArgs, WatchArgs};
 pub use measure::{BenchArgs, VerifyArgs};
-pub use night::{NightArgs, PlanArgs, RunArgs, ScriptArgs};
+pub use night::{NightArgs, PlanArgs, RunArgs};
 pub use output::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, ViewArgs};
 pub use scene::{BsdfArgs, CheckArgs, ExportArgs, TraceArgs};
+pub use script::ScriptArgs;
 pub use typed::{SceneArg, integrator_row, split, unknown_name, value};
 pub use without_script::{
     CompareArgs, ComparisonArgs, ExploreArgs, NewArgs, NewExperimentArgs, NewTechniqueArgs,

@@ -8,7 +8,7 @@ use serde_json::{Value as Json, json};
 use super::job::submitted_jobs;
 use super::queue::{Task, tasks};
 use crate::cli::format;
-use crate::cli::inspect::watch::describe_state;
+use crate::cli::inspect::follow::describe_state;
 use lumbre_night::store::list_workers;
 use lumbre_night::store::{WorkerState, WorkerStatus};
 

@@ -4,6 +4,7 @@
 pub(in crate::cli) mod compare;
 pub(in crate::cli) mod explain;
 pub(in crate::cli) mod export_night;
+pub mod follow;
 mod guiding;
 pub mod list;
 mod picture_limits;

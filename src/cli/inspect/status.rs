@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::time::SystemTime;
 
-use super::watch::{apply, open_follower};
+use super::follow::{apply, open_follower};
 use crate::cli::args::{Global, StatusArgs};
 use crate::cli::cluster::WorkerList;
 use crate::cli::exit::{Exit, Failure, print_result, print_status};

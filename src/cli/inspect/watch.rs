@@ -2,24 +2,21 @@
 
 use std::fs::File;
 use std::io::{BufReader, IsTerminal};
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::follow::{apply, open_follower};
 use super::status;
 use crate::cli::args::{Global, StatusArgs, WatchArgs};
 use crate::cli::exit::{Exit, Failure};
-use crate::cli::night::load::decode_picture;
 use crate::cli::night::log::Log;
 use crate::cli::night::signals;
-use crate::cli::selector;
 use lumbre_light::scene::desc::MAX_SIDE;
 use lumbre_night::experiment::NightControls;
-use lumbre_night::store::{Follower, TimedEvent, TimesFile, Update, WorkerState, WorkerStatus};
+use lumbre_night::store::TimesFile;
 use lumbre_report::time;
 use lumbre_tui::tui::model::night::NightModel;
 use lumbre_tui::tui::model::time_preview::{TimePreview, TimePreviewBuilder};
-use lumbre_tui::tui::model::worker_list::WorkerLine;
 use lumbre_tui::tui::{self, Dashboard, Role};
 
 /// Time between two reads of the files.
@@ -71,25 +68,6 @@ pub fn main(args: &WatchArgs, global: &Global, log: &Log) -> Result<Exit, Failur
     Ok(Exit::Done)
 }
 
-/// Opens a follower on the files of the selected night.
-pub(in crate::cli) fn open_follower(
-    night: Option<&Path>,
-    global: &Global,
-) -> Result<Follower, Failure> {
-    let folder = selector::night(night, &global.out)?;
-    Follower::open(&folder, decode_picture).map_err(Failure::usage)
-}
-
-/// Applies what the follower found in the files to the model.
-pub fn apply(model: &mut NightModel, changes: Update) {
-    for TimedEvent { at_s, event } in changes.events {
-        model.receive(&event, at_s);
-    }
-    if let Some(workers) = changes.workers {
-        model.set_workers(worker_lines(&workers));
-    }
-}
-
 /// Loads the preview of a run's time axis row by row. Returns `None` if the file cannot be read or
 /// does not match the axis.
 fn load_time_preview(TimesFile { cell, file, axis }: &TimesFile) -> Option<TimePreview> {
@@ -107,35 +85,6 @@ fn load_time_preview(TimesFile { cell, file, axis }: &TimesFile) -> Option<TimeP
         preview.add_row(row.as_chunks::<3>().0.iter().copied());
     }
     preview.finish()
-}
-
-/// Returns dashboard lines for the workers that have not exited.
-fn worker_lines(workers: &[WorkerStatus]) -> Vec<WorkerLine> {
-    let line = |worker: &WorkerStatus| WorkerLine {
-        node: if worker.job.is_empty() {
-            worker.host.clone()
-        } else {
-            format!("{} {}", worker.host, worker.job)
-        },
-        device: worker.device.model.clone(),
-        activity: describe_state(worker),
-        age_s: worker.age_s,
-        lost: worker.is_lost(),
-    };
-    workers
-        .iter()
-        .filter(|worker| !matches!(worker.state, WorkerState::Left(_)))
-        .map(line)
-        .collect()
-}
-
-/// Describes what a worker is doing: waiting, the path of the run it renders, or why it exited.
-pub(in crate::cli) fn describe_state(worker: &WorkerStatus) -> String {
-    match &worker.state {
-        WorkerState::Waiting => "waiting".to_owned(),
-        WorkerState::Rendering { path, .. } => path.clone(),
-        WorkerState::Left(reason) => format!("exited: {reason}"),
-    }
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use serde_json::{Value as Json, json};
 
-use super::{Check, Outcome, SIGNIFICANCE, Verdict, VerifyRequest};
+use super::check::{Check, Outcome, SIGNIFICANCE, Verdict, VerifyRequest};
 
 /// Results so far.
 pub struct VerifyReport {

@@ -8,9 +8,10 @@ use crate::cli::args::{Global, PictureArgs, RenderArgs};
 use crate::cli::exit::Failure;
 use lumbre_light::value::Value;
 use lumbre_metrics::tonemap::Tonemap;
+use lumbre_night::experiment::hook_error::HookError;
 use lumbre_night::experiment::outcome::WaveRow;
 use lumbre_night::experiment::plan::expand;
-use lumbre_night::experiment::spec::{HookError, MeasureSpec, ReferenceRequest, Snapshots};
+use lumbre_night::experiment::spec::{MeasureSpec, ReferenceRequest, Snapshots};
 use lumbre_night::experiment::{ExperimentSpec, Overrides, Plan, Point, ScriptHooks, StopRule};
 use lumbre_render::Settings;
 

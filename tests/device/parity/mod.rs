@@ -212,7 +212,7 @@ fn kernel_device() -> Option<Arc<Device>> {
 fn room_of(job: &Job, rows: usize) -> SubpathRoom {
     SubpathRoom {
         samples: rows as u32,
-        ..SubpathRoom::new(job, PixelSamples::InTurn, u64::MAX)
+        ..SubpathRoom::new(job, None, u64::MAX)
     }
 }
 

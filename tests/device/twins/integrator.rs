@@ -14,10 +14,10 @@ use lumbre_light::transport::camera::{Camera, FilterKind, FilterSpec};
 use lumbre_light::transport::delay::Profile;
 use lumbre_light::transport::integrator::{Context, Settings, integrator};
 use lumbre_light::transport::light::{LightSelection, Lights};
-use lumbre_light::transport::path_time::Timing;
 use lumbre_light::transport::ray::{Hit, Ray, Trace};
 use lumbre_light::transport::sampler::SOBOL;
 use lumbre_light::transport::surface::is_masked_out;
+use lumbre_light::transport::time_settings::Timing;
 use lumbre_light::value::Value;
 use lumbre_render::Job;
 

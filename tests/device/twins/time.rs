@@ -8,7 +8,7 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{DelayParam, Texture, Uv, UvMap};
 use lumbre_light::transport::delay;
 use lumbre_light::transport::light::Lights;
-use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::time_settings::Timing;
 use lumbre_render::Job;
 
 use super::{CLOSE, RandomInputs, SAME};

@@ -1,7 +1,8 @@
 //! Errors that prevent a plan, and their messages.
 
 use lumbre_light::value::Value;
-use lumbre_night::experiment::spec::{HookError, ReferenceRequest};
+use lumbre_night::experiment::hook_error::HookError;
+use lumbre_night::experiment::spec::ReferenceRequest;
 use lumbre_night::experiment::{StopRule, stop::Comparison};
 
 use crate::experiment::fixtures::{Lab, config, ints};

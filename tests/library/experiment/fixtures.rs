@@ -15,11 +15,12 @@ use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
 use lumbre_night::experiment::event::{FinishedRun, History};
+use lumbre_night::experiment::hook_error::HookError;
 use lumbre_night::experiment::noise_floor::HalfImages;
 use lumbre_night::experiment::outcome::Level;
 use lumbre_night::experiment::plan::{LoadedScene, expand};
 use lumbre_night::experiment::run::{Open, Seams, run_with};
-use lumbre_night::experiment::spec::{Axis, HookError, MeasureSpec, ReferenceRequest, Snapshots};
+use lumbre_night::experiment::spec::{Axis, MeasureSpec, ReferenceRequest, Snapshots};
 use lumbre_night::experiment::{
     CellRef, Event, ExperimentSpec, NightControls, NightSummary, Outcome, Overrides, Plan,
     PlanError, Point, RunError, RunId, ScriptHooks, Sink, SinkError, StopRule, WaveRow,

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 
 use lumbre_light::film::Film;
-use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::time_settings::Timing;
 use lumbre_light::value::Value;
+use lumbre_night::experiment::hook_error::HookError;
 use lumbre_night::experiment::outcome::Level;
 use lumbre_night::experiment::run::{Open, RunError};
-use lumbre_night::experiment::spec::HookError;
 use lumbre_night::experiment::{CellRef, EndCause, Event, Outcome, Sink, SinkError, StopRule};
 use lumbre_render::Settings;
 use lumbre_render::mock::MockRenderer;

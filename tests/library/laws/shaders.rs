@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use lumbre_vulkan::pipelines::modules::{Recipe, manifest, recipes};
+use lumbre_vulkan::pipelines::modules::{manifest, recipes};
+use lumbre_vulkan::pipelines::recipe::Recipe;
 use lumbre_vulkan::pipelines::test_kernel;
 
 use super::source::root;

@@ -31,6 +31,10 @@ const HOST: &[(&str, &str)] = &[
         "GLSL invocations replace SIMD lanes",
     ),
     (
+        "crates/lumbre-light/src/math/simd/lanes.rs",
+        "GLSL invocations replace SIMD lanes",
+    ),
+    (
         "crates/lumbre-light/src/math/simd/mod.rs",
         "GLSL invocations replace SIMD lanes",
     ),
@@ -115,6 +119,10 @@ const HOST: &[(&str, &str)] = &[
         "its twin is part of light/mod.glsl",
     ),
     (
+        "crates/lumbre-light/src/transport/light/selected.rs",
+        "GLSL invocations choose one light each",
+    ),
+    (
         "crates/lumbre-light/src/transport/light/table.rs",
         "rows of lights are in the buffers of a scene",
     ),
@@ -166,7 +174,7 @@ const HOST: &[(&str, &str)] = &[
     ),
     (
         "crates/lumbre-light/src/transport/bsdf/interface_outgoing.rs",
-        "its twin is part of interface.glsl",
+        "its twin is part of bsdf/interface.glsl",
     ),
     (
         "crates/lumbre-light/src/transport/bsdf/material.rs",
@@ -193,8 +201,16 @@ const HOST: &[(&str, &str)] = &[
         "re-exports only",
     ),
     (
+        "crates/lumbre-light/src/transport/integrator/context.rs",
+        "GLSL has global buffers and constants",
+    ),
+    (
         "crates/lumbre-light/src/transport/integrator/external.rs",
         "techniques of other programs",
+    ),
+    (
+        "crates/lumbre-light/src/transport/integrator/iteration/light_batch.rs",
+        "its twin is part of iteration/light_paths.glsl",
     ),
     (
         "crates/lumbre-light/src/transport/integrator/iteration/mod.rs",
@@ -231,6 +247,14 @@ const HOST: &[(&str, &str)] = &[
     (
         "crates/lumbre-light/src/transport/integrator/oracle/split.rs",
         "reference for MIS weights",
+    ),
+    (
+        "crates/lumbre-light/src/transport/integrator/registry.rs",
+        "the table of integrators",
+    ),
+    (
+        "crates/lumbre-light/src/transport/integrator/row.rs",
+        "rows of the table of integrators",
     ),
     (
         "crates/lumbre-light/src/transport/light/select.rs",

@@ -4,9 +4,8 @@ use lumbre_light::scene::compile::Sharing;
 use lumbre_light::transport::camera::FilterKind;
 use lumbre_light::value::Value;
 use lumbre_lua::{Script, ScriptError};
-use lumbre_night::experiment::spec::{
-    BiasCheckRequest, HookError, Point, ReferenceRequest, ScriptHooks,
-};
+use lumbre_night::experiment::hook_error::HookError;
+use lumbre_night::experiment::spec::{BiasCheckRequest, Point, ReferenceRequest, ScriptHooks};
 use lumbre_night::experiment::stop::Comparison;
 use lumbre_night::experiment::{StopRule, WaveRow};
 use lumbre_render::Settings;

@@ -7,7 +7,7 @@ use std::time::{Instant, SystemTime};
 
 use serde_json::{Value as Json, json};
 
-use lumbre::cli::inspect::watch::apply;
+use lumbre::cli::inspect::follow::apply;
 use lumbre::cli::night::load::decode_picture;
 use lumbre_night::experiment::{Plan, memory};
 use lumbre_night::store::schema::journal::{

@@ -18,7 +18,7 @@ use lumbre_light::math::stats::median;
 use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{DelayKind, MaterialDesc, SceneDesc};
 use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
-use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::time_settings::Timing;
 use lumbre_night::backends::backend;
 use lumbre_render::hierarchy::{AccelSpec, LaneMode};
 use lumbre_render::{Job, Renderer};

@@ -1,5 +1,7 @@
 //! Relative luminance of linear sRGB, and luma of its display values [IEC 61966-2-1].
 
+use glam::Vec3;
+
 /// Weights of red, green and blue.
 pub const WEIGHTS: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
@@ -9,6 +11,11 @@ pub const WEIGHTS_F32: [f32; 3] = [WEIGHTS[0] as f32, WEIGHTS[1] as f32, WEIGHTS
 /// Returns the luminance of a colour.
 pub fn luminance([r, g, b]: [f64; 3]) -> f64 {
     WEIGHTS[0] * r + WEIGHTS[1] * g + WEIGHTS[2] * b
+}
+
+/// Returns the luminance of a vector of red, green and blue.
+pub fn luminance_of(color: Vec3) -> f64 {
+    luminance(color.as_dvec3().to_array())
 }
 
 /// Returns the luminance of a colour in single precision.

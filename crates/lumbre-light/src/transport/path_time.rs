@@ -21,31 +21,10 @@
 //! whichever strategy generated it; they also occur in the path's contribution. They cancel in
 //! every estimator and in every weight [Veach 1997, 9.2]: only the choice itself has to be made.
 
-use serde::{Deserialize, Serialize};
-
-use super::delay::Profile;
 use super::integrator::Context;
 use super::light::DirectSample;
-use crate::film::time::{TimeAxis, TimeFilter};
 use crate::math::real::{Mask, Real, Vector};
 use crate::math::simd::Lanes;
-
-/// Settings of a film's time axis that affect light transport.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Timing {
-    /// The time bins.
-    pub axis: TimeAxis,
-    /// Filter that spreads contributions over the bins.
-    pub filter: TimeFilter,
-    /// Whether the segment between the camera and the first surface counts.
-    pub camera: bool,
-    /// Index of refraction of the medium around the camera.
-    pub medium: f32,
-    /// Time of emission: the profile of the lights' pulse.
-    pub emission: Profile,
-    /// Metres per scene unit, for times in seconds; 0 if unspecified. Affects labels only.
-    pub metres: f64,
-}
 
 /// The optical length of a path up to a vertex; scalar or vectorised.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -1,14 +1,32 @@
-//! Conversion of a film's time axis from and to script tables.
+//! Settings of a film's time axis, and their conversion from and to script tables.
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
 use super::delay::Profile;
-use super::path_time::Timing;
 use crate::film::time::{TimeAxis, TimeFilter};
 use crate::math::piecewise::Piecewise;
 use crate::scene::desc::{DelayDesc, DelayKind, MaterialDesc, delay};
 use crate::value::Value;
 use crate::value::schema::{Field, SchemaError, Table, Ty};
+
+/// Settings of a film's time axis that affect light transport.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Timing {
+    /// The time bins.
+    pub axis: TimeAxis,
+    /// Filter that spreads contributions over the bins.
+    pub filter: TimeFilter,
+    /// Whether the segment between the camera and the first surface counts.
+    pub camera: bool,
+    /// Index of refraction of the medium around the camera.
+    pub medium: f32,
+    /// Time of emission: the profile of the lights' pulse.
+    pub emission: Profile,
+    /// Metres per scene unit, for times in seconds; 0 if unspecified. Affects labels only.
+    pub metres: f64,
+}
 
 /// Maximum optical length in scene units.
 const FAR: f64 = 1e9;

@@ -48,6 +48,22 @@ pub struct Args {
 }
 
 impl Args {
+    /// Rejects a second call of a method that may be called once.
+    pub(super) fn only_once(
+        &self,
+        shared: &Shared,
+        before: Option<&SourcePlace>,
+    ) -> Result<(), ScriptError> {
+        match before {
+            Some(place) => Err(self.error(
+                shared,
+                format!("called twice: the first call is in line {}", place.line),
+                None,
+            )),
+            None => Ok(()),
+        }
+    }
+
     /// Returns an error about this call.
     pub fn error(
         &self,

@@ -232,22 +232,6 @@ fn declare(
     Ok(LuaValue::Table(object))
 }
 
-/// Rejects a second call of a method that may be called once.
-pub(super) fn only_once(
-    shared: &Shared,
-    args: &Args,
-    before: Option<&SourcePlace>,
-) -> Result<(), ScriptError> {
-    match before {
-        Some(place) => Err(args.error(
-            shared,
-            format!("called twice: the first call is in line {}", place.line),
-            None,
-        )),
-        None => Ok(()),
-    }
-}
-
 fn skip(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
     args.at_most(shared, 2)?;
     let reason = args.text(shared, 0, "reason")?;
@@ -271,11 +255,7 @@ fn render(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptE
     args.at_most(shared, 1)?;
     let function = args.function(shared, 0, "f")?;
     let mut builder = shared.builder.borrow_mut();
-    only_once(
-        shared,
-        args,
-        builder.render.as_ref().map(|(_, place)| place),
-    )?;
+    args.only_once(shared, builder.render.as_ref().map(|(_, place)| place))?;
     builder.render = Some((function, args.place.clone()));
     Ok(LuaValue::Nil)
 }
@@ -295,7 +275,7 @@ fn stop(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptErr
         }
     };
     let mut builder = shared.builder.borrow_mut();
-    only_once(shared, args, builder.stop.as_ref().map(|(_, place)| place))?;
+    args.only_once(shared, builder.stop.as_ref().map(|(_, place)| place))?;
     builder.stop = Some((stop, args.place.clone()));
     Ok(LuaValue::Nil)
 }

@@ -5,7 +5,6 @@ use std::rc::Rc;
 
 use mlua::{Lua, Value as LuaValue};
 
-use super::experiment::only_once;
 use super::{ApiFn, Args, Param};
 use crate::error::ScriptError;
 use crate::state::Shared;
@@ -87,11 +86,7 @@ fn report(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptE
     };
     let presentation = read().map_err(|e| args.locate_error(shared, e))?;
     let mut builder = shared.builder.borrow_mut();
-    only_once(
-        shared,
-        args,
-        builder.report.as_ref().map(|(_, place)| place),
-    )?;
+    args.only_once(shared, builder.report.as_ref().map(|(_, place)| place))?;
     builder.report = Some((presentation, args.place.clone()));
     Ok(LuaValue::Nil)
 }

@@ -14,6 +14,7 @@ mod material;
 mod object;
 mod part;
 mod schema;
+mod shape_object;
 mod shape_schema;
 mod shapes;
 mod texture;

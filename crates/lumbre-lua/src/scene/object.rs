@@ -6,7 +6,7 @@ use glam::Vec3;
 use mlua::{Lua, Value as LuaValue};
 
 use super::schema::{CAMERA, SCENE};
-use super::shapes::ShapeObject;
+use super::shape_object::ShapeObject;
 use super::{import, lighting, material, numbers, part};
 use crate::api::{ApiFn, Args, Param, method_object};
 use crate::error::{Problem, ScriptError};

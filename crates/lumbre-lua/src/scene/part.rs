@@ -6,7 +6,7 @@ use std::rc::Rc;
 use glam::{Affine3A, EulerRot, Quat, Vec3};
 use mlua::{Lua, UserData, UserDataFields, Value as LuaValue};
 
-use super::shapes::ShapeObject;
+use super::shape_object::ShapeObject;
 use super::{create_object, numbers};
 use crate::api::{ApiFn, Args, Param};
 use crate::error::ScriptError;

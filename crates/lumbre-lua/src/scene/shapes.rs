@@ -1,60 +1,23 @@
 //! Constructors of shapes, `shape.NAME`: one function for each shape of [`lumbre_light::scene::shape`],
 //! and `shape.join`.
 
-use std::path::PathBuf;
 use std::rc::Rc;
-use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
-use mlua::{Lua, UserData, UserDataFields, Value as LuaValue};
+use mlua::{Lua, Value as LuaValue};
 
+use super::shape_object::ShapeObject;
 use super::shape_schema::{
     BALL, BOX, CYLINDER, DISK, EXTRUDE, GRID, HEIGHTFIELD, LATHE, MESH, SPHERE, TORUS, TUBE,
 };
 use super::{create_object, numbers, part};
 use crate::api::{ApiFn, Args, Param};
 use crate::error::ScriptError;
-use crate::kind::KIND;
 use crate::state::Shared;
 use crate::strict::{self, Fields};
-use lumbre_light::scene::desc::MeshDesc;
 use lumbre_light::scene::shape::{self, Shape, ShapeError};
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{SchemaError, Table};
-
-/// Name of the material slot of shapes. It is never used, since every added shape is given a
-/// material.
-const SLOT: &str = "shape";
-
-/// Lua object of a shape.
-#[derive(Clone, Debug)]
-pub enum ShapeObject {
-    /// Triangle mesh, shared by all its instances.
-    Mesh(Arc<MeshDesc>),
-    /// Analytic sphere of this radius.
-    Sphere(f32),
-}
-
-impl UserData for ShapeObject {
-    fn add_fields<F: UserDataFields<Self>>(fields: &mut F) {
-        fields.add_meta_field(KIND, "a shape");
-    }
-}
-
-impl ShapeObject {
-    /// Converts a shape to a mesh.
-    fn new(shape: Shape) -> ShapeObject {
-        ShapeObject::Mesh(Arc::new(shape.into_mesh(PathBuf::new(), SLOT)))
-    }
-
-    /// Returns the shape behind a Lua value; `None` if the value is not a shape.
-    pub fn from_value(value: &LuaValue) -> Option<ShapeObject> {
-        match value {
-            LuaValue::UserData(data) => data.borrow::<ShapeObject>().ok().map(|s| s.clone()),
-            _ => None,
-        }
-    }
-}
 
 macro_rules! rows {
     ($($name:literal, $table:ident, $make:ident, $doc:literal;)*) => {

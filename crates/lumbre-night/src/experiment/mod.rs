@@ -12,6 +12,7 @@ pub mod comparison_groups;
 pub mod event;
 pub mod figure_x;
 pub mod forecast;
+pub mod hook_error;
 pub mod memory;
 pub mod night;
 pub mod noise_floor;

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 pub use super::figure_x::FigureX;
+use super::hook_error::HookError;
 use super::outcome::WaveRow;
 use super::stop::StopRule;
 pub use super::table_value::{RunColumn, TableValue};
@@ -352,11 +353,6 @@ pub struct BiasCheckRequest {
     /// chance, in (0, 1).
     pub rate: f64,
 }
-
-/// An error of a script's function, formatted for the user.
-#[derive(Debug, thiserror::Error)]
-#[error(transparent)]
-pub struct HookError(pub Box<dyn std::error::Error + Send + Sync>);
 
 /// Functions of a script, independent of Lua.
 pub trait ScriptHooks {

@@ -9,6 +9,9 @@ use super::schema::run::{ConfigFile, DONE, REFERENCE};
 use crate::experiment::{Plan, RunId};
 use crate::paths::extension;
 
+/// Name of the folder of layer images inside a run's folder.
+pub const FILMS: &str = "films";
+
 /// Minimum number of digits of the plan's hash in an experiment folder's name.
 pub(super) const HASH_DIGITS: usize = 4;
 /// Maximum length of one folder name on a readable path, in bytes; file systems allow 255.
@@ -154,6 +157,19 @@ pub(super) fn sanitize(path: &str) -> PathBuf {
         .map(component)
         .filter(|c| !c.is_empty())
         .collect()
+}
+
+/// Lists the finished runs of this experiment in the folders beside `folder`, by id.
+pub(crate) fn finished_in_siblings(
+    out: &Path,
+    name: &str,
+    folder: &Path,
+) -> BTreeMap<String, PathBuf> {
+    finished_runs(
+        siblings(out, name)
+            .into_iter()
+            .filter(|other| other != folder),
+    )
 }
 
 #[cfg(test)]

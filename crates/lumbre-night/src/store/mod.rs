@@ -40,6 +40,7 @@ use crate::text;
 
 pub use follow::{Follower, TimedEvent, TimesFile, Update};
 
+pub use layout::FILMS;
 pub use lock::claim::LEASE;
 
 pub use read::archive::{Archive, Decode};
@@ -63,7 +64,7 @@ pub use write::failure::LOG_LINES;
 pub use write::host::{Host, parse_utc, utc};
 pub use write::manifest_checksum::BIAS_CHECK_PREFIX;
 pub use write::plan_files::{config_file, plan_file};
-pub use write::run_folder::{FILMS, HALVES, NOISE, RAW, RunWriter};
+pub use write::run_folder::{HALVES, NOISE, RAW, RunWriter};
 
 /// Errors of the store.
 #[derive(Debug, thiserror::Error)]

@@ -8,8 +8,8 @@ use super::prepared_scene::PreparedScene;
 use crate::{Job, RenderError};
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::transport::integrator::guided::direction_tree::direction_of;
+use lumbre_light::transport::integrator::guided::directions::Guide;
 use lumbre_light::transport::integrator::guided::sd_tree::SdTree;
-use lumbre_light::transport::integrator::guided::training::Guide;
 
 /// Columns of a map of directions: azimuths about the z axis, from 0 to 360 degrees.
 pub const COLUMNS: usize = 128;

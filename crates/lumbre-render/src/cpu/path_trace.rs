@@ -56,8 +56,17 @@ pub(super) fn paths(
     Ok(shared.paths(job, samples))
 }
 
+impl PreparedScene {
+    /// Records the events of single samples of a job, as [`BackendRow::paths`](crate::BackendRow::paths)
+    /// does.
+    pub fn paths(&self, job: &Job, samples: &[SampleAt]) -> Vec<Vec<PathEvent>> {
+        let prepared = PreparedJob::new(self, job.clone());
+        record(&prepared, samples)
+    }
+}
+
 /// Returns the events of each given sample of a prepared job.
-pub(super) fn record(prepared: &PreparedJob, samples: &[SampleAt]) -> Vec<Vec<PathEvent>> {
+fn record(prepared: &PreparedJob, samples: &[SampleAt]) -> Vec<Vec<PathEvent>> {
     let mut iteration: Option<(u64, Box<Shared>)> = None;
     let mut record_sample = |at: &SampleAt| {
         let begun = iteration.as_ref().map(|(index, _)| *index);

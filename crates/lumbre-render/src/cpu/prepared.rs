@@ -13,7 +13,7 @@ use super::wavefront::{SmallScene, Wavefront};
 use crate::{Abandoned, Job};
 use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::Camera;
-use lumbre_light::transport::integrator::iteration::light_paths::{LightBatch, LightUnit};
+use lumbre_light::transport::integrator::iteration::light_batch::{LightBatch, LightUnit};
 use lumbre_light::transport::integrator::iteration::recorded::{
     CameraBatch, RecordedPaths, RecordedSamples,
 };

@@ -9,12 +9,8 @@ use glam::Vec3;
 use super::bvh::accel::Accel;
 use super::bvh::simd::Isa;
 use super::clock::RenderClock;
-use super::path_trace;
-use super::prepared::PreparedJob;
-use super::renderer::CpuRenderer;
+use crate::RenderError;
 use crate::hierarchy::AccelSpec;
-use crate::path_trace::{PathEvent, SampleAt};
-use crate::{Job, RenderError};
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::transport::arrival::SurfaceClasses;
@@ -99,15 +95,6 @@ impl PreparedScene {
         &self.accel.scene
     }
 
-    /// Starts a run of a job. The settings of the hierarchy and the number of threads are those of
-    /// the prepared scene.
-    ///
-    /// # Errors
-    /// Returns an error if layers or bins exceed their limits.
-    pub fn open(&self, job: Job) -> Result<CpuRenderer, RenderError> {
-        CpuRenderer::open(self, job)
-    }
-
     /// Returns the lights, of which one is chosen by the given probabilities.
     pub(super) fn lights(&self, selection: LightSelection) -> Arc<Lights> {
         let mut known = self.lights.lock().unwrap_or_else(PoisonError::into_inner);
@@ -133,13 +120,6 @@ impl PreparedScene {
         let [origin, dir] = camera.ray::<Vec3>(pixel.map(|n| n as f32), center, center);
         let ray = Ray { origin, dir };
         (ray, self.accel.closest(&ray, f32::INFINITY))
-    }
-
-    /// Records the events of single samples of a job, as [`BackendRow::paths`](crate::BackendRow::paths)
-    /// does.
-    pub fn paths(&self, job: &Job, samples: &[SampleAt]) -> Vec<Vec<PathEvent>> {
-        let prepared = PreparedJob::new(self, job.clone());
-        path_trace::record(&prepared, samples)
     }
 }
 

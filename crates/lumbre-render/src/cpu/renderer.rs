@@ -38,6 +38,17 @@ use lumbre_light::transport::integrator::Context;
 use lumbre_light::transport::integrator::iteration::Shared;
 use lumbre_light::transport::integrator::iteration::recorded::RecordedSamples;
 
+impl PreparedScene {
+    /// Starts a run of a job. The settings of the hierarchy and the number of threads are those of
+    /// the prepared scene.
+    ///
+    /// # Errors
+    /// Returns an error if layers or bins exceed their limits.
+    pub fn open(&self, job: Job) -> Result<CpuRenderer, RenderError> {
+        CpuRenderer::open(self, job)
+    }
+}
+
 /// Renderer of one job on the CPU.
 pub struct CpuRenderer {
     prepared: PreparedJob,

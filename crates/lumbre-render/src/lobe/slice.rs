@@ -5,9 +5,9 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
+use lumbre_light::math::luminance::luminance_of;
 use lumbre_light::math::rng::{pcg4d, unit};
 use lumbre_light::transport::bsdf::{Bsdf, TransportMode};
-use lumbre_light::transport::light::luminance;
 
 /// Number of intervals of the curves between -180 and 180 degrees.
 pub const STEPS: usize = 360;
@@ -110,7 +110,7 @@ impl Lobe {
             let wi = plane.direction(angle_of(step), 0.0);
             let f = bsdf.eval(wo, wi, TransportMode::Radiance);
             let cos = f64::from(wi.dot(normal).abs());
-            luminance(f) * cos
+            luminance_of(f) * cos
         };
         let mut lobe = Lobe {
             angle: wo.dot(normal).clamp(-1.0, 1.0).acos(),
@@ -136,7 +136,7 @@ impl Lobe {
                 self.lost += share;
                 continue;
             };
-            self.albedo += share * luminance(sample.weight);
+            self.albedo += share * luminance_of(sample.weight);
             if sample.delta {
                 self.delta += share;
                 continue;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::find::find_file;
-use super::keys::Given;
+use super::given::Given;
 use lumbre_light::scene::desc::{CAMERA_KIND_NAMES, TextureSlot, VIEW_HEIGHT_RANGE};
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};

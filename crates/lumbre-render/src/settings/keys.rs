@@ -2,11 +2,11 @@
 //! belongs to the identity of a run.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use super::Settings;
 use super::camera::{CAMERA, read_changes};
 use super::find::{find_file, find_folder};
+use super::given::Given;
 use crate::denoise::atrous::ATROUS;
 use crate::denoise::{self, Denoise};
 use crate::external::technique;
@@ -17,9 +17,9 @@ use lumbre_light::scene::desc::MAX_SIDE;
 use lumbre_light::transport::camera::FilterKind;
 use lumbre_light::transport::integrator::external::{EXTERNALS, PYTHON, is_declared};
 use lumbre_light::transport::integrator::{INTEGRATORS, integrator, own};
-use lumbre_light::transport::path_time::Timing;
 use lumbre_light::transport::sampler::{SAMPLER_NAMES, sampler};
 use lumbre_light::transport::time_settings::FILM;
+use lumbre_light::transport::time_settings::Timing;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
 
@@ -34,38 +34,6 @@ pub struct Setting {
     /// Key and value of the setting in the identity of a run; `None` if it does not belong to it, or
     /// has the value of runs from before it existed.
     pub identity: fn(&Settings) -> Option<(&'static str, Value)>,
-}
-
-/// A render table as a script gives it.
-pub struct Given<'a> {
-    /// Keys and values.
-    pub map: &'a BTreeMap<String, Value>,
-    /// Folder of the script, in which files are searched after the current folder.
-    pub folder: &'a Path,
-    /// Path of the table, with which paths of errors begin.
-    pub path: &'a str,
-}
-
-impl Given<'_> {
-    /// Returns the path of a key.
-    pub fn at(&self, key: &str) -> String {
-        format!("{}.{key}", self.path)
-    }
-
-    /// Returns the text of a key.
-    pub fn text(&self, key: &str) -> Option<&str> {
-        self.map.get(key).and_then(Value::as_str)
-    }
-
-    /// Returns the table of a key.
-    pub fn table(&self, key: &str) -> Option<&BTreeMap<String, Value>> {
-        self.map.get(key).and_then(Value::as_map)
-    }
-
-    /// Returns a number of a nested table.
-    fn nested(&self, key: &str, field: &str) -> Option<&Value> {
-        self.table(key)?.get(field)
-    }
 }
 
 /// Number of edges of a path.

@@ -3,6 +3,7 @@
 
 mod camera;
 pub mod find;
+mod given;
 mod keys;
 mod stored;
 
@@ -11,7 +12,8 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-pub use self::keys::{EDGES, Given, INTEGRATOR_NAMES, LIBRARY, SETTINGS, Setting};
+pub use self::given::Given;
+pub use self::keys::{EDGES, INTEGRATOR_NAMES, LIBRARY, SETTINGS, Setting};
 pub use self::stored::StoredSettings;
 use crate::Job;
 use crate::denoise::{Denoise, GUIDES};
@@ -21,8 +23,8 @@ use lumbre_light::film::layer::Layer;
 use lumbre_light::transport::camera::FilterSpec;
 use lumbre_light::transport::delay;
 use lumbre_light::transport::integrator::integrator;
-use lumbre_light::transport::path_time::Timing;
 use lumbre_light::transport::sampler::{SAMPLER_NAMES, sampler};
+use lumbre_light::transport::time_settings::Timing;
 use lumbre_light::value::Value;
 
 macro_rules! settings {

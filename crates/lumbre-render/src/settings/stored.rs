@@ -9,7 +9,7 @@ use super::Settings;
 use crate::denoise::Denoise;
 use crate::hierarchy::AccelSpec;
 use crate::shaders::{ShaderFolder, Shaders};
-use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::time_settings::Timing;
 use lumbre_light::value::Value;
 
 type Map = BTreeMap<String, Value>;

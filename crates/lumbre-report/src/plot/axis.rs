@@ -1,6 +1,6 @@
 //! Axes of figures: scale, range, ticks and tick labels.
 
-use super::svg::text_width;
+use super::svg::{TickLabel, text_width};
 
 /// Mapping of values to positions along an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,20 +64,6 @@ impl Scale {
             place
         }
     }
-}
-
-/// Text at a tick.
-#[derive(Clone, Debug, PartialEq)]
-pub enum TickLabel {
-    /// A number or name, such as `0.05`.
-    Plain(String),
-    /// A power of ten with an optional factor, such as `2×10` with a raised exponent.
-    Power {
-        /// Factor before the power; `None` is 1.
-        factor: Option<String>,
-        /// Exponent of ten.
-        exponent: i32,
-    },
 }
 
 /// An axis with its range and ticks.

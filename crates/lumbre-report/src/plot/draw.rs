@@ -2,10 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use super::axis::{Axis, TickLabel};
+use super::axis::Axis;
 use super::figure::{Figure, Line, Panel};
 use super::style::{FAINT, FRAME, INK, Style};
-use super::svg::{Anchor, Drawing, Font, shorten, text_width, wrap};
+use super::svg::{Anchor, Drawing, Font, TickLabel, shorten, text_width, wrap};
 use crate::plot::sizes::{COLUMN, FULL, MOST_COLUMNS, SCREEN};
 
 const PLOT_HEIGHT: f64 = 118.0;

@@ -6,7 +6,6 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use maud::html;
 
-use super::axis::TickLabel;
 use super::style::{INK, Style};
 use lumbre_night::text::is_control;
 
@@ -345,6 +344,20 @@ pub fn shorten(text: &str, size: f64, width: f64) -> String {
         short.pop();
     }
     short.trim_end().to_owned() + "…"
+}
+
+/// Text at a tick.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TickLabel {
+    /// A number or name, such as `0.05`.
+    Plain(String),
+    /// A power of ten with an optional factor, such as `2×10` with a raised exponent.
+    Power {
+        /// Factor before the power; `None` is 1.
+        factor: Option<String>,
+        /// Exponent of ten.
+        exponent: i32,
+    },
 }
 
 #[cfg(test)]

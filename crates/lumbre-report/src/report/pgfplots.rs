@@ -2,11 +2,12 @@
 //! with the points.
 
 use crate::latex;
-use crate::plot::axis::{Axis, Scale, TickLabel};
+use crate::plot::axis::{Axis, Scale};
 use crate::plot::draw::labelled_ticks;
 use crate::plot::figure::{Figure, Line};
 use crate::plot::sizes::MOST_COLUMNS;
 use crate::plot::style::Style;
+use crate::plot::svg::TickLabel;
 use crate::provenance::Provenance;
 
 /// Width and height of a plot in points. Three plots with their gaps fill the width of a page.

@@ -19,7 +19,7 @@ use std::ops::Range;
 use super::OutputError;
 use lumbre_light::film::Image;
 use lumbre_light::film::time::{CUBE_FILE, TimeAxis, TimeCube, time_unit};
-use lumbre_light::transport::light::luminance;
+use lumbre_light::math::luminance::luminance_of;
 use lumbre_metrics::tonemap::Tonemap;
 
 /// Maximum number of frames of an animation. If there are more bins, groups of bins are summed.
@@ -178,7 +178,7 @@ fn time_text(seconds: f64) -> String {
 
 /// Returns the luminance of a pixel in linear sRGB.
 fn pixel_luminance(v: &[f32; 3]) -> f64 {
-    luminance(glam::Vec3::from_array(*v))
+    luminance_of(glam::Vec3::from_array(*v))
 }
 
 /// Applies the tone map and converts to 8 bits.

@@ -24,7 +24,7 @@ use super::script::{experiment_name, script_text};
 use super::session::{Frame as Picture, Published, Request, SLOTS, Session, SessionOptions, Slot};
 use super::settings::{SceneFile, Settings};
 use super::state::State;
-use super::view::picture::PictureCache;
+use super::view::picture_cache::PictureCache;
 use super::view::{self, Screen};
 use crate::tui::terminal::terminal_caps::{Graphics, TerminalCaps};
 use lumbre_light::value::Value;

@@ -10,6 +10,7 @@ mod command;
 mod confirmation;
 mod dashboard;
 pub mod format;
+mod keys;
 pub mod live_picture;
 pub mod model;
 pub(crate) mod modes;

@@ -18,7 +18,7 @@ use crate::memory::buffer::Buffer;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::Instance;
 use lumbre_render::cpu::bvh::accel::world_primitives;
-use lumbre_render::cpu::bvh::build::BuildPrimitive;
+use lumbre_render::cpu::bvh::build_primitive::BuildPrimitive;
 use lumbre_render::cpu::bvh::packed;
 use lumbre_render::cpu::bvh::packed::{CwBvh, CwBvhNode, build_packed};
 use lumbre_render::hierarchy::AccelSpec;

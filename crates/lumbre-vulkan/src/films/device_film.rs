@@ -9,7 +9,7 @@ use std::sync::Arc;
 use ash::vk;
 use rayon::prelude::*;
 
-use super::time_film::{DeviceTimeFilm, TimeReadback};
+use super::time_film::{DeviceTimeFilm, SplatMoments, TimeReadback};
 use crate::context::device::Device;
 use crate::error::VulkanError;
 use crate::layout::{Counters, Invalid, PathStep, SampleSums, SampleValue};
@@ -25,9 +25,6 @@ use lumbre_render::path_trace::MAX_PATH_EVENTS;
 
 /// Number of pixels that a thread processes at once.
 const PIXELS_PER_TASK: usize = 4096;
-
-/// Splat sums of one film at one pixel: three sums, three sums of squares.
-pub type SplatMoments = ([f64; 3], [f64; 3]);
 
 /// Reason why films cannot be restored.
 #[derive(Clone, Debug, thiserror::Error)]

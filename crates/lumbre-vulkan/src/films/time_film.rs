@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use super::device_film::SplatMoments;
 use crate::context::device::Device;
 use crate::error::{VulkanError, mib};
 use crate::layout::SlotSums;
@@ -10,6 +9,9 @@ use crate::memory::buffer::Buffer;
 use lumbre_light::film::Film;
 use lumbre_light::film::fixed_point::combine_sums;
 use lumbre_light::film::time::{TimeAxis, TimeCube, sum_slots};
+
+/// Splat sums of one film at one pixel: three sums, three sums of squares.
+pub type SplatMoments = ([f64; 3], [f64; 3]);
 
 /// Device memory per pixel and slot in bytes: its sums, and the contribution of the current sample.
 /// Splats add 24 bytes, or 96 in fixed point.

@@ -252,7 +252,7 @@ mod offset_tests {
 
     use super::*;
     use crate::pipelines::glsl::Compiler;
-    use crate::pipelines::modules::Recipe;
+    use crate::pipelines::recipe::Recipe;
     use crate::pipelines::sources::Sources;
 
     /// Returns the offset in bytes of every struct member in a module: `(struct, member) -> bytes`.

@@ -5,7 +5,7 @@ use lumbre_light::math::piecewise::Piecewise;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{self, NONE};
 use lumbre_light::transport::delay::Profile;
-use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::time_settings::Timing;
 
 /// Rows of `material_parts`, `delay_profiles` and `knots`.
 #[derive(Debug, Default)]

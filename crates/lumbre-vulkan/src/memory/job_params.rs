@@ -1,8 +1,7 @@
 //! Parameters of a job: everything that is constant over its samples.
 
 use super::delay_tables::double_words;
-use super::light_paths;
-use super::subpaths::SubpathRoom;
+use super::subpaths::{SubpathRoom, light_path_count};
 use super::texel_words::TexelLayout;
 use crate::layout;
 use lumbre_light::film::layer::{Layer, LayerLayout};
@@ -28,7 +27,7 @@ pub(super) fn job_params(
     let params = light_params(params, scene, lights);
     let params = layer_params(params, layers);
     let params = layout::JobParams {
-        light_path_count: light_paths::count(job).unwrap_or(0),
+        light_path_count: light_path_count(job).unwrap_or(0),
         light_path_room: room.of_light_path,
         subpath_room: room.of_sample,
         subpath_slots: room.samples,

@@ -8,28 +8,10 @@ use crate::context::device::Device;
 use crate::error::VulkanError;
 use crate::layout::{LIST_BLOCK, LightListHead, LightPath};
 use crate::pipelines::compute::BoundResource;
-use lumbre_light::transport::integrator::Settings;
-use lumbre_light::transport::integrator::lvc::cache;
-use lumbre_render::Job;
 
 /// Advice to users if the subpaths of an iteration exceed the device.
 const REMEDY: &str = "the light subpaths of a sample must fit into one storage buffer; lower `photons` \
                       or `max_depth`";
-
-/// Returns the number of light subpaths of an iteration of a job, or `None` if its samples share
-/// none.
-pub fn count(job: &Job) -> Option<u32> {
-    job.integrator.sharing?;
-    let [width, height] = job.resolution.map(u64::from);
-    let count = Settings::new(&job.settings.params).light_paths(width * height);
-    Some(u32::try_from(count).unwrap_or(u32::MAX))
-}
-
-/// Returns the number of light subpaths for which a job needs room: those of an iteration, or those
-/// from which it is prepared.
-pub(super) fn stored(job: &Job) -> u64 {
-    count(job).map_or(0, |count| u64::from(count).max(cache::PREPARED_PATHS))
-}
 
 /// Buffers of light subpaths and their list; of a few bytes for jobs whose samples share none.
 pub struct LightPathBuffers {

@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use super::buffer::Buffer;
-use super::light_paths;
 use crate::context::device::Device;
 use crate::error::VulkanError;
 use crate::layout::{SubpathLength, SubpathVertex};
 use crate::pipelines::compute::BoundResource;
-use crate::schedule::pixel_samples::PixelSamples;
+use lumbre_light::transport::integrator::Settings;
+use lumbre_light::transport::integrator::lvc::cache;
 use lumbre_render::Job;
 
 /// Bytes of the vertices of samples that are rendered at once, if all of a picture need more: at a
@@ -37,14 +37,14 @@ pub struct SubpathRoom {
 impl SubpathRoom {
     /// Returns the room that a job needs on a device whose storage buffers have up to
     /// `storage_range` bytes.
-    pub fn new(job: &Job, samples: PixelSamples, storage_range: u64) -> SubpathRoom {
+    pub fn new(job: &Job, at_once: Option<u32>, storage_range: u64) -> SubpathRoom {
         let [width, height] = job.resolution.map(u64::from);
         // Samples of a pixel that are rendered at once are added afterwards: all of them need room.
-        let (most, least) = match samples.at_once() {
+        let (most, least) = match at_once {
             Some(at_once) => (width * height * u64::from(at_once), u64::MAX),
             None => (width * height, width),
         };
-        let (light_paths, of_light_path) = (light_paths::stored(job), job.max_depth.max(2) - 1);
+        let (light_paths, of_light_path) = (stored_light_paths(job), job.max_depth.max(2) - 1);
         let shared = light_paths * u64::from(of_light_path);
         let left = storage_range.saturating_sub(shared * VERTEX_BYTES);
         let fitting = samples_in(left.min(SAMPLE_BYTES), job);
@@ -131,6 +131,21 @@ impl SubpathBuffers {
     }
 }
 
+/// Returns the number of light subpaths of an iteration of a job, or `None` if its samples share
+/// none.
+pub fn light_path_count(job: &Job) -> Option<u32> {
+    job.integrator.sharing?;
+    let [width, height] = job.resolution.map(u64::from);
+    let count = Settings::new(&job.settings.params).light_paths(width * height);
+    Some(u32::try_from(count).unwrap_or(u32::MAX))
+}
+
+/// Returns the number of light subpaths for which a job needs room: those of an iteration, or those
+/// from which it is prepared.
+fn stored_light_paths(job: &Job) -> u64 {
+    light_path_count(job).map_or(0, |count| u64::from(count).max(cache::PREPARED_PATHS))
+}
+
 #[cfg(test)]
 mod tests {
     use lumbre_light::transport::integrator::integrator;
@@ -138,27 +153,26 @@ mod tests {
     use super::*;
 
     /// Returns the room of a job of this integrator, with up to five edges, at full HD.
-    fn room(name: &str, samples: PixelSamples, storage_range: u64) -> SubpathRoom {
+    fn room(name: &str, at_once: Option<u32>, storage_range: u64) -> SubpathRoom {
         let job = Job::plain(integrator(name).unwrap(), [1920, 1080], 5, 1);
-        SubpathRoom::new(&job, samples, storage_range)
+        SubpathRoom::new(&job, at_once, storage_range)
     }
 
     #[test]
     fn samples_get_the_room_that_is_left_but_at_least_that_of_a_row() {
-        let in_turn = PixelSamples::InTurn;
-        let none = room("nee", in_turn, LEAST_RANGE);
+        let none = room("nee", None, LEAST_RANGE);
         assert_eq!((none.of_sample, none.samples), (0, 1920 * 1080));
-        let large = room("bdpt", in_turn, 1 << 32);
+        let large = room("bdpt", None, 1 << 32);
         assert_eq!(large.of_sample, 5 + 4);
         assert_eq!(u64::from(large.samples), SAMPLE_BYTES / (9 * 76));
-        assert_eq!(room("bdpt", in_turn, LEAST_RANGE).rows(1920), 102);
-        let at_once = room("bdpt", PixelSamples::Parallel(3), LEAST_RANGE);
+        assert_eq!(room("bdpt", None, LEAST_RANGE).rows(1920), 102);
+        let at_once = room("bdpt", Some(3), LEAST_RANGE);
         assert_eq!(at_once.samples, 1920 * 1080 * 3);
         let shared = 1920 * 1080 * 4 * VERTEX_BYTES;
         assert_eq!(
-            room("lvc", in_turn, shared + 1920 * 3 * 5 * VERTEX_BYTES).rows(1920),
+            room("lvc", None, shared + 1920 * 3 * 5 * VERTEX_BYTES).rows(1920),
             3
         );
-        assert_eq!(room("lvc", in_turn, shared).rows(1920), 1);
+        assert_eq!(room("lvc", None, shared).rows(1920), 1);
     }
 }

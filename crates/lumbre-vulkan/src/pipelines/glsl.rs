@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use lumbre_render::external;
 
-use super::modules::Recipe;
+use super::recipe::Recipe;
 use super::shrink::{is_whole, shrink};
 use super::sources::{ShaderError, Sources, words};
 

@@ -4,10 +4,11 @@ use ash::vk;
 
 use super::compute::{Bindings, ComputePipeline};
 use super::modules;
-use super::program::{PUSH, RenderPipeline, Stages};
+use super::render_pipeline::{PUSH, RenderPipeline, Stages};
 use crate::error::VulkanError;
 use crate::layout::{LIGHT_PATHS_ROW, LIST_BLOCK, ListStep, Specialization, WaveParams};
-use crate::memory::light_paths::{self, LightPathBuffers};
+use crate::memory::light_paths::LightPathBuffers;
+use crate::memory::subpaths::light_path_count;
 use lumbre_light::transport::integrator::Settings;
 use lumbre_light::transport::integrator::iteration::{NO_PIXEL, PREPARED};
 use lumbre_light::transport::integrator::lvc::cache;
@@ -36,7 +37,7 @@ impl LightPathPipelines {
         constants: &Specialization,
         bindings: &Bindings,
     ) -> Result<Option<LightPathPipelines>, VulkanError> {
-        let Some(count) = light_paths::count(job) else {
+        let Some(count) = light_path_count(job) else {
             return Ok(None);
         };
         let name = job.integrator.name;

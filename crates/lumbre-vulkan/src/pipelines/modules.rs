@@ -9,25 +9,12 @@ use std::fmt::Write;
 
 use lumbre_light::transport::integrator::INTEGRATORS;
 
-use super::sources::Sources;
-use super::sources::TEXTS;
+use super::committed;
+use super::glsl::Compiler;
+use super::recipe::Recipe;
+use super::sources::{ShaderError, Sources, TEXTS, words};
 use super::tracing_mode::TracingMode;
 use crate::films::device_film::SplatMode;
-
-/// Everything that a module is made of.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Recipe {
-    /// Name of its file.
-    pub file: String,
-    /// Path of the text of its entry below the root of the shaders; the extension is its stage.
-    pub entry: String,
-    /// Text to compile instead of the file `entry`.
-    pub text: Option<String>,
-    /// Preprocessor symbols that are defined.
-    pub defines: Vec<&'static str>,
-    /// Texts that may be included as if they were files: path, text.
-    pub generated: Vec<(String, String)>,
-}
 
 /// Properties of a pipeline in which its modules differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -195,6 +182,24 @@ pub fn recipes() -> Vec<Recipe> {
     recipes
 }
 
+impl Sources {
+    /// Returns the words of a module.
+    ///
+    /// # Errors
+    /// Returns an error if the program does not have it or, of a folder, it cannot be compiled.
+    pub fn module(&self, recipe: &Recipe) -> Result<Vec<u32>, ShaderError> {
+        let replaced = match self {
+            Sources::Embedded => None,
+            Sources::Folder(_) => return Compiler::find()?.make(self, recipe),
+            Sources::Replaced(modules) => modules.iter().find(|(file, _)| *file == recipe.file),
+        };
+        replaced
+            .map(|(_, bytes)| words(bytes))
+            .or_else(|| committed::module(&recipe.file).map(|bytes| words(&bytes)))
+            .ok_or_else(|| ShaderError::NoModule(recipe.file.clone()))
+    }
+}
+
 /// Returns the text of `manifest.txt` beside modules: a hash of everything that they are made from,
 /// and a hash of each file. Modules whose manifest differs were made from other sources.
 pub fn manifest(recipes: &[Recipe], modules: &[(String, Vec<u8>)]) -> String {
@@ -232,7 +237,6 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
-    use crate::pipelines::committed;
 
     #[test]
     fn every_recipe_has_a_module_and_every_module_a_recipe() {

@@ -8,9 +8,6 @@ use std::sync::Arc;
 use lumbre_render::shaders::{ShaderFolder, Shaders};
 use lumbre_scene_io::load::files;
 
-use super::committed;
-use super::glsl::Compiler;
-use super::modules::Recipe;
 pub use super::shader_error::{FOLDER_VARIABLE, ShaderError};
 
 /// Texts of the shaders: path below `shaders/`, text; sorted. They complete folders of modified
@@ -23,7 +20,7 @@ pub enum Sources {
     /// The SPIR-V in the program.
     Embedded,
     /// A folder laid out like `shaders/`; missing files are taken from the texts in the program.
-    /// Needs a [`Compiler`].
+    /// Needs a [compiler](super::glsl::Compiler).
     Folder(PathBuf),
     /// Modules by file name that replace those of the program: each with the bytes of its SPIR-V.
     Replaced(Arc<[(&'static str, &'static [u8])]>),
@@ -82,22 +79,6 @@ impl Sources {
             }),
             _ => Shaders::BuiltIn,
         })
-    }
-
-    /// Returns the words of a module.
-    ///
-    /// # Errors
-    /// Returns an error if the program does not have it or, of a folder, it cannot be compiled.
-    pub fn module(&self, recipe: &Recipe) -> Result<Vec<u32>, ShaderError> {
-        let replaced = match self {
-            Sources::Embedded => None,
-            Sources::Folder(_) => return Compiler::find()?.make(self, recipe),
-            Sources::Replaced(modules) => modules.iter().find(|(file, _)| *file == recipe.file),
-        };
-        replaced
-            .map(|(_, bytes)| words(bytes))
-            .or_else(|| committed::module(&recipe.file).map(|bytes| words(&bytes)))
-            .ok_or_else(|| ShaderError::NoModule(recipe.file.clone()))
     }
 
     /// Returns a hash of the shaders that differ from those of the program, or `None` if none does.

@@ -9,10 +9,11 @@ use std::sync::Arc;
 use ash::vk;
 
 use super::compute::{Bindings, BoundResource, ComputePipeline};
-use super::modules::{self, Recipe, Variant};
+use super::modules::{self, Variant};
 use super::program::TracingMode;
 use super::ray_tracing;
 use super::ray_tracing::RayTracingPipeline;
+use super::recipe::Recipe;
 use super::sources::words;
 use crate::context::device::Device;
 use crate::error::VulkanError;

@@ -15,7 +15,7 @@ use lumbre_light::scene::desc::{Model, Transform};
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::delay::Profile;
 use lumbre_light::transport::integrator::integrator;
-use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::time_settings::Timing;
 use lumbre_render::cpu::renderer::CpuRenderer;
 use lumbre_render::{Job, Renderer};
 use technique::TECHNIQUE;

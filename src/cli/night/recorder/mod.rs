@@ -4,6 +4,7 @@
 //! records in JSON are built in [`records`].
 
 mod records;
+mod run_facts;
 mod run_files;
 
 use std::collections::BTreeMap;
@@ -17,7 +18,7 @@ use super::log::Log;
 use lumbre_light::film::layer::LayerImage;
 use lumbre_light::film::time::TimeCube;
 use lumbre_light::film::{Film, Image};
-use lumbre_night::experiment::noise_floor::{NoiseFloors, net_columns};
+use lumbre_night::experiment::noise_floor::{NoiseFloors, net_columns, net_values};
 use lumbre_night::experiment::outcome::Level;
 use lumbre_night::experiment::spec::Snapshots;
 use lumbre_night::experiment::{
@@ -27,7 +28,7 @@ use lumbre_night::store::schema::journal::JournalEvent;
 use lumbre_night::store::{Host, RunWriter, Store, StoreError};
 use lumbre_render::OpenStats;
 use lumbre_report::{exr, png};
-use records::{RunFacts, with_net_values};
+use run_facts::RunFacts;
 
 /// Sink that writes the files of all runs during a night. `done.json` of a run is written last.
 pub struct Recorder<'a> {
@@ -372,4 +373,13 @@ impl Sink for Recorder<'_> {
 /// Converts an error of writing or encoding a file.
 fn sink_error(error: impl std::fmt::Display) -> SinkError {
     SinkError(error.to_string())
+}
+
+/// Returns a row with the values of its net columns appended to its metrics.
+fn with_net_values(plan: &Plan, floors: &NoiseFloors, row: &WaveRow) -> WaveRow {
+    let net = net_values(plan, floors, &row.metrics);
+    WaveRow {
+        metrics: row.metrics.iter().copied().chain(net).collect(),
+        ..row.clone()
+    }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::records::DENOISE;
+use super::run_facts::DENOISE;
 use super::{ExtraFilms, OpenRun, Recorder, sink_error};
 use crate::cli::night::disk_full_retry::{retry_while_disk_full, sleep_before_retry};
 use lumbre_light::film::Film;

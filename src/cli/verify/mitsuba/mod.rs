@@ -11,10 +11,10 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 
-use serde_json::json;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value as Json, json};
 
 use self::cases::{Case, Subject};
-use self::page::CaseFigures;
 use self::peer::{Peer, PeerRequest, SmallView};
 use super::picture::{NoisyPicture, Setting, judge, render};
 use super::technique::Technique;
@@ -36,6 +36,23 @@ const MAX_SIDE: u32 = 96;
 
 /// Greatest number of path edges in pictures of scene files.
 const MAX_DEPTH: u32 = 16;
+
+/// Result of a case, as part of the report in JSON.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+pub struct CaseFigures {
+    /// `agrees`, `noted` or `FAILS`.
+    pub result: String,
+    /// Ratios of the means over the picture by channel, Lumbre over Mitsuba.
+    pub ratios: [Option<f64>; 3],
+    /// Notes of the loader or of the exporter.
+    pub notes: Vec<String>,
+    /// Samples per pixel of both pictures.
+    pub samples: u64,
+    /// Version of Mitsuba.
+    pub mitsuba: String,
+    /// Statistic of the comparison.
+    pub statistic: Json,
+}
 
 /// Everything that the cases share.
 struct Workplace {

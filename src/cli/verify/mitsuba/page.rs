@@ -2,27 +2,10 @@
 
 use std::fmt::Write;
 
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use serde_json::Value as Json;
 
-use super::{MAX_DEPTH, MAX_SIDE};
-
-/// Result of a case, as part of the report in JSON.
-#[derive(Clone, Debug, Deserialize, Serialize)]
-pub struct CaseFigures {
-    /// `agrees`, `noted` or `FAILS`.
-    pub result: String,
-    /// Ratios of the means over the picture by channel, Lumbre over Mitsuba.
-    pub ratios: [Option<f64>; 3],
-    /// Notes of the loader or of the exporter.
-    pub notes: Vec<String>,
-    /// Samples per pixel of both pictures.
-    pub samples: u64,
-    /// Version of Mitsuba.
-    pub mitsuba: String,
-    /// Statistic of the comparison.
-    pub statistic: Json,
-}
+use super::{CaseFigures, MAX_DEPTH, MAX_SIDE};
 
 /// A row of the report.
 #[derive(Deserialize)]

@@ -1,8 +1,10 @@
 //! Compares every vector operation with the scalar one, bit by bit, for every width that this
 //! processor has.
 
+use glam::Vec3;
+
 use super::*;
-use crate::math::real::{Double, Mask, Word};
+use crate::math::real::{Double, Mask, Vector, Word};
 
 /// Runs a kernel with each kind of vectors that this processor has instructions for, and with each
 /// kind of pairs.

@@ -4,7 +4,7 @@
 use glam::Vec2;
 use serde::{Deserialize, Serialize};
 
-use super::materials::TextureBank;
+use super::texture_bank::TextureBank;
 use super::{Material, NONE, Texture, UvMap};
 use crate::math::piecewise::Piecewise;
 use crate::scene::desc::delay::{check_mean_and_width, check_value};

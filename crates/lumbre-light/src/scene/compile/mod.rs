@@ -15,6 +15,7 @@ mod shared_texels;
 mod tangents;
 mod texels;
 mod texture;
+mod texture_bank;
 
 use glam::{Vec2, Vec3, Vec4};
 use serde::{Deserialize, Serialize};

@@ -9,7 +9,8 @@
 use blake3::Hasher;
 use glam::{Vec2, Vec3};
 
-use super::material_params::{MaterialParam, SURFACE};
+use super::material::MaterialParam;
+use super::material_params::SURFACE;
 use super::{
     CameraDesc, CameraKind, EntityDesc, EnvironmentSampling, EnvironmentSource, LightKind,
     MATERIAL_PARAMS, MaterialDesc, MaterialNames, MeshDesc, SceneDesc, ShapeDesc, Texels,

@@ -1,13 +1,15 @@
-//! The material description.
+//! The material description, and the type of rows of the table of its parameters.
 
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 
-use super::delay::DelayDesc;
+use super::delay_profile::DelayDesc;
 use super::{
     Distribution, FilterChoice, Lookup, MaskMode, Model, ShadingNormals, TextureDesc, TextureSlot,
 };
+use crate::value::Value;
+use crate::value::schema::{SchemaError, Ty};
 
 /// A material as specified by its file.
 #[derive(Clone, Debug, PartialEq)]
@@ -199,3 +201,43 @@ pub const SMOOTH_ROUGHNESS: f32 = 0.01;
 
 /// Default of the parameter `mask_threshold` (annex A of the `.scn` format).
 pub const MASK_THRESHOLD: f32 = 0.5;
+
+/// A row of [`MATERIAL_PARAMS`](super::MATERIAL_PARAMS): one material parameter.
+#[derive(Clone, Copy, Debug)]
+pub struct MaterialParam {
+    /// Name in scripts: `set = { ["materials.NAME.<name>"] = .. }`.
+    pub name: &'static str,
+    /// Key in `.scn`, compared case-insensitively.
+    pub scn_key: &'static str,
+    /// Key of its texture in `.scn`; empty if the parameter takes no texture.
+    pub scn_texture_key: &'static str,
+    /// Type and range.
+    pub ty: Ty,
+    /// Unit of the value; empty for a pure number.
+    pub unit: &'static str,
+    /// Meaning and source, in a sentence.
+    pub doc: &'static str,
+    /// Returns the parameter's value.
+    pub get: fn(&MaterialDesc) -> Value,
+    /// Stores a value that has been checked against `ty`.
+    pub(super) set_checked: fn(&mut MaterialDesc, &Value),
+    /// Texture slot; `None` if the parameter takes no texture.
+    pub texture: Option<TextureSlot>,
+}
+
+impl MaterialParam {
+    /// Stores a value after checking its type and range; `path` appears in the error.
+    ///
+    /// # Errors
+    /// Fails if the value has the wrong type or is out of range.
+    pub fn set(
+        &self,
+        material: &mut MaterialDesc,
+        path: &str,
+        value: &Value,
+    ) -> Result<(), SchemaError> {
+        self.ty.check(path, self.name, value)?;
+        (self.set_checked)(material, value);
+        Ok(())
+    }
+}

@@ -2,51 +2,10 @@
 //! path in scripts, the `.scn` key, the range check and the documentation all follow from it.
 
 use super::delay::DELAY_PARAMS;
-use super::{
-    Distribution, FilterChoice, MaskMode, MaterialDesc, Model, ShadingNormals, TextureSlot,
-};
+use super::material::MaterialParam;
+use super::{Distribution, FilterChoice, MaskMode, Model, ShadingNormals, TextureSlot};
 use crate::value::Value;
-use crate::value::schema::{SchemaError, Ty};
-
-/// A row of [`MATERIAL_PARAMS`]: one material parameter.
-#[derive(Clone, Copy, Debug)]
-pub struct MaterialParam {
-    /// Name in scripts: `set = { ["materials.NAME.<name>"] = .. }`.
-    pub name: &'static str,
-    /// Key in `.scn`, compared case-insensitively.
-    pub scn_key: &'static str,
-    /// Key of its texture in `.scn`; empty if the parameter takes no texture.
-    pub scn_texture_key: &'static str,
-    /// Type and range.
-    pub ty: Ty,
-    /// Unit of the value; empty for a pure number.
-    pub unit: &'static str,
-    /// Meaning and source, in a sentence.
-    pub doc: &'static str,
-    /// Returns the parameter's value.
-    pub get: fn(&MaterialDesc) -> Value,
-    /// Stores a value that has been checked against `ty`.
-    pub(super) set_checked: fn(&mut MaterialDesc, &Value),
-    /// Texture slot; `None` if the parameter takes no texture.
-    pub texture: Option<TextureSlot>,
-}
-
-impl MaterialParam {
-    /// Stores a value after checking its type and range; `path` appears in the error.
-    ///
-    /// # Errors
-    /// Fails if the value has the wrong type or is out of range.
-    pub fn set(
-        &self,
-        material: &mut MaterialDesc,
-        path: &str,
-        value: &Value,
-    ) -> Result<(), SchemaError> {
-        self.ty.check(path, self.name, value)?;
-        (self.set_checked)(material, value);
-        Ok(())
-    }
-}
+use crate::value::schema::Ty;
 
 macro_rules! scalar {
     ($name:ident, $scn:literal, $min:expr, $max:expr, $unit:literal, $doc:literal) => {
@@ -153,7 +112,7 @@ fn item(v: &Value, i: usize) -> f32 {
 /// Smallest accepted index of refraction: smaller ones yield no useful image.
 pub const MIN_IOR: f64 = 0.01;
 
-/// Every material parameter. Defaults are those of [`MaterialDesc::new`]. The order is part of the
+/// Every material parameter. Defaults are those of [`MaterialDesc::new`](super::MaterialDesc::new). The order is part of the
 /// content hash.
 pub const MATERIAL_PARAMS: &[MaterialParam] = &{
     const LATER: usize = SURFACE.len() + DELAY_PARAMS.len();
@@ -487,6 +446,7 @@ pub(super) const SURFACE: &[MaterialParam] = &[
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::desc::MaterialDesc;
 
     #[test]
     fn every_slot_belongs_to_one_parameter_and_has_a_unique_name() {

@@ -7,6 +7,7 @@
 mod camera;
 mod cow_vec;
 pub mod delay;
+mod delay_profile;
 mod hash;
 pub mod light;
 mod lookup;
@@ -26,7 +27,7 @@ pub use camera::{
     CAMERA_KIND_NAMES, CAMERA_KINDS, CameraDesc, CameraKind, Optics, VIEW_HEIGHT_RANGE,
 };
 pub use cow_vec::CowVec;
-pub use delay::{DelayDesc, DelayKind};
+pub use delay_profile::{DelayDesc, DelayKind};
 pub use hash::{content_hash, hash_without_camera, mesh_hash, texture_hash};
 pub use light::{
     ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSampling, EnvironmentSource, LightDesc,

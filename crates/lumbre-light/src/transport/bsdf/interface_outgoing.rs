@@ -2,7 +2,6 @@
 
 use glam::Vec3;
 
-use super::plastic::PlasticSide;
 use crate::math::real::{Real, Vector};
 
 /// Quantities of the BSDF that depend on `wo` alone, computed once for all directions that are
@@ -20,4 +19,25 @@ pub struct InterfaceOutgoing<V: Vector = Vec3> {
     pub(super) masking: V::Scalar,
     /// Quantities of plastic.
     pub(super) plastic: PlasticSide<V::Scalar>,
+}
+
+/// Quantities of plastic that depend on one direction alone.
+#[derive(Clone, Copy, Debug)]
+pub struct PlasticSide<R = f32> {
+    /// Reflectance of the smooth surface.
+    pub(super) reflectance: R,
+    /// Probability of sampling the surface reflection.
+    pub(super) surface: R,
+}
+
+impl<R: Real> PlasticSide<R> {
+    /// Returns a placeholder for surfaces of another model.
+    #[inline(always)]
+    pub fn none() -> PlasticSide<R> {
+        let zero = R::splat(0.0);
+        PlasticSide {
+            reflectance: zero,
+            surface: zero,
+        }
+    }
 }

@@ -11,7 +11,7 @@ use std::f32::consts::FRAC_1_PI;
 use glam::Vec3;
 
 use super::facets::{Facets, mirrored};
-use super::interface_outgoing::InterfaceOutgoing;
+use super::interface_outgoing::{InterfaceOutgoing, PlasticSide};
 use super::{LobeSample, MixtureSample, fresnel};
 use crate::math::real::{Mask, Real, Vector};
 use crate::math::warp;
@@ -29,27 +29,6 @@ pub struct Plastic<V: Vector = Vec3> {
     pub ior: V::Scalar,
     /// Microfacets of the surface.
     pub facets: Facets<V::Scalar>,
-}
-
-/// Quantities of plastic that depend on one direction alone.
-#[derive(Clone, Copy, Debug)]
-pub struct PlasticSide<R = f32> {
-    /// Reflectance of the smooth surface.
-    reflectance: R,
-    /// Probability of sampling the surface reflection.
-    surface: R,
-}
-
-impl<R: Real> PlasticSide<R> {
-    /// Returns a placeholder for surfaces of another model.
-    #[inline(always)]
-    pub fn none() -> PlasticSide<R> {
-        let zero = R::splat(0.0);
-        PlasticSide {
-            reflectance: zero,
-            surface: zero,
-        }
-    }
 }
 
 impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Plastic<V> {

@@ -9,8 +9,8 @@ use crate::scene::compile::NONE;
 use crate::transport::arrival::SurfaceClasses;
 use crate::transport::camera::Camera;
 use crate::transport::light::Lights;
-use crate::transport::path_time::Timing;
 use crate::transport::ray::{Hit, Trace};
+use crate::transport::time_settings::Timing;
 use crate::value::Value;
 use crate::value::schema::Field;
 

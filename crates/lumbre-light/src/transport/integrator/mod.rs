@@ -22,7 +22,7 @@ pub mod vcm;
 pub use context::{Context, Shared};
 pub use registry::{
     INTEGRATORS, TechniqueVisitor, UNBIASED_REFERENCE, bias_of, canonical_name, integrator,
-    integrators, visit_technique,
+    integrators, register, visit_technique,
 };
 pub use row::{IntegratorRow, SampleFn};
 pub use settings::Settings;

@@ -2,14 +2,13 @@
 
 use std::sync::OnceLock;
 
-use super::registry::ALIASES;
-use super::{INTEGRATORS, IntegratorRow, external};
+use super::IntegratorRow;
 
 /// Greatest length of the name of a registered integrator.
 const MAX_NAME: usize = 40;
 
 /// The registered integrators of this process.
-static OWN: OnceLock<Vec<Registered>> = OnceLock::new();
+pub(super) static OWN: OnceLock<Vec<Registered>> = OnceLock::new();
 
 /// An integrator to register.
 #[derive(Clone, Debug)]
@@ -42,34 +41,6 @@ pub enum RegistrationError {
     /// Techniques were registered or looked up before.
     #[error("techniques are registered once, before anything else")]
     TooLate,
-}
-
-/// Registers integrators, which [`integrators`](super::integrators) then returns after the built-in
-/// ones. Must be called at most once, before any integrator is looked up.
-///
-/// # Errors
-/// Returns an error, and registers nothing, if a name is invalid or taken, or hides a bias, or on a
-/// later call.
-pub fn register(techniques: Vec<Registered>) -> Result<(), RegistrationError> {
-    let rows: Vec<&IntegratorRow> = techniques.iter().map(|own| &own.row).collect();
-    for (i, row) in rows.iter().enumerate() {
-        if !is_valid_name(row.name) {
-            return Err(RegistrationError::InvalidName(row.name.to_owned()));
-        }
-        let mut taken = INTEGRATORS
-            .iter()
-            .chain(rows[..i].iter().copied())
-            .map(|row| row.name)
-            .chain(ALIASES.iter().map(|(alias, _)| *alias))
-            .chain([external::DECLARED.name]);
-        if taken.any(|name| name == row.name) {
-            return Err(RegistrationError::TakenName(row.name.to_owned()));
-        }
-        if row.bias.is_some() && !row.long_name.ends_with("biased") {
-            return Err(RegistrationError::HiddenBias(row.name.to_owned()));
-        }
-    }
-    OWN.set(techniques).map_err(|_| RegistrationError::TooLate)
 }
 
 /// Returns the registered integrators. Afterwards none can be registered.

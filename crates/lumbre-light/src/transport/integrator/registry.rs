@@ -1,8 +1,9 @@
-//! The table of integrators, and the look-up of techniques by name.
+//! The table of integrators, the registration of others, and the look-up of techniques by name.
 
 use super::bdpt::joins::SubpathTechnique;
 use super::camera_path::CameraPaths;
 use super::guided::bidirectional;
+use super::own::{OWN, Registered, RegistrationError, is_valid_name};
 use super::row::IntegratorRow;
 use super::{bdpt, bpt, external, guided, lvc, nee, own, sppm, vcm};
 
@@ -52,7 +53,7 @@ integrators!(
 
 /// Other names of integrators, with the name in the table: `pt` is what most of the literature calls
 /// path tracing, where BPT is bidirectional path tracing.
-pub(super) const ALIASES: &[(&str, &str)] = &[("pt", "bpt")];
+const ALIASES: &[(&str, &str)] = &[("pt", "bpt")];
 
 /// Returns the name in the table of an integrator that may be given by another name; any other text
 /// is returned as it is.
@@ -69,6 +70,34 @@ pub const UNBIASED_REFERENCE: &str = "bdpt";
 /// name is unknown.
 pub fn bias_of(name: &str) -> Option<&'static str> {
     integrator(name).and_then(|row| row.bias)
+}
+
+/// Registers integrators, which [`integrators`] then returns after the built-in
+/// ones. Must be called at most once, before any integrator is looked up.
+///
+/// # Errors
+/// Returns an error, and registers nothing, if a name is invalid or taken, or hides a bias, or on a
+/// later call.
+pub fn register(techniques: Vec<Registered>) -> Result<(), RegistrationError> {
+    let rows: Vec<&IntegratorRow> = techniques.iter().map(|own| &own.row).collect();
+    for (i, row) in rows.iter().enumerate() {
+        if !is_valid_name(row.name) {
+            return Err(RegistrationError::InvalidName(row.name.to_owned()));
+        }
+        let mut taken = INTEGRATORS
+            .iter()
+            .chain(rows[..i].iter().copied())
+            .map(|row| row.name)
+            .chain(ALIASES.iter().map(|(alias, _)| *alias))
+            .chain([external::DECLARED.name]);
+        if taken.any(|name| name == row.name) {
+            return Err(RegistrationError::TakenName(row.name.to_owned()));
+        }
+        if row.bias.is_some() && !row.long_name.ends_with("biased") {
+            return Err(RegistrationError::HiddenBias(row.name.to_owned()));
+        }
+    }
+    OWN.set(techniques).map_err(|_| RegistrationError::TooLate)
 }
 
 /// Returns all integrators of this program: the built-in ones, then those [registered](own).

@@ -13,8 +13,8 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::luminance;
 use crate::math::distribution::Grid;
+use crate::math::luminance::luminance_of;
 use crate::math::real::{Real, Vector};
 use crate::math::simd::{Lanes, map_vectors};
 use crate::math::warp;
@@ -48,7 +48,7 @@ impl EnvironmentLight {
     pub fn new(environment: &Environment) -> Option<EnvironmentLight> {
         let radiance = environment.radiance;
         let Some(texture) = &environment.map else {
-            let power = 4.0 * std::f64::consts::PI * luminance(radiance);
+            let power = 4.0 * std::f64::consts::PI * luminance_of(radiance);
             return (power > 0.0).then_some(EnvironmentLight {
                 radiance,
                 map: None,
@@ -219,7 +219,7 @@ fn cell_means(texture: &Texture, factor: Vec3) -> Vec<f64> {
     let texels: Vec<f64> = texture
         .texels
         .iter()
-        .map(|t| luminance(Vec3::from_array(t) * factor))
+        .map(|t| luminance_of(Vec3::from_array(t) * factor))
         .collect();
     let blend = |before: f64, here: f64, after: f64| 0.125 * before + 0.75 * here + 0.125 * after;
     let mut rows = Vec::with_capacity(texels.len());

@@ -52,6 +52,7 @@ mod emission;
 mod environment;
 mod point;
 mod select;
+mod selected;
 mod sphere;
 mod table;
 mod tree;
@@ -72,7 +73,8 @@ use crate::transport::vertex::EdgeEnd;
 pub use direct::DirectSample;
 pub use emission::{EmissionPdf, EmissionSample};
 pub use select::{FIELD as SELECT_FIELD, LightSelection};
-pub use table::SelectedLights;
+pub use selected::SelectedLights;
+pub use table::LightId;
 pub use tree::LightTree;
 
 /// All light sources of a scene, with indices: emissive primitives first, then points, directions,
@@ -92,11 +94,6 @@ pub struct Lights {
     /// Bounding sphere of the scene.
     pub ball: BoundingSphere,
     total_area: f64,
-}
-
-/// Returns the relative luminance of linear sRGB [IEC 61966-2-1].
-pub fn luminance(color: Vec3) -> f64 {
-    crate::math::luminance::luminance(color.as_dvec3().to_array())
 }
 
 /// A point of the light of each lane.
@@ -133,19 +130,6 @@ impl LightPoint {
     pub fn light(&self) -> LightId {
         self.lights[0]
     }
-}
-
-/// Identifies one light.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LightId {
-    /// An emissive primitive: index into [`CompiledScene::emitters`].
-    Emitter(u32),
-    /// A point light: index into [`CompiledScene::points`].
-    Point(u32),
-    /// A directional light: index into [`CompiledScene::directionals`].
-    Directional(u32),
-    /// The environment: [`CompiledScene::environment`].
-    Environment,
 }
 
 impl Lights {

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use super::bounds::BoundingSphere;
 use super::environment::EnvironmentLight;
-use super::{LightId, area, first_distant, luminance};
+use super::{LightId, area, first_distant};
+use crate::math::luminance::luminance_of;
 use crate::scene::CompiledScene;
 use crate::scene::compile::{NONE, Texture};
 use crate::transport::surface::lookup;
@@ -106,9 +107,11 @@ pub(super) fn weights(
         (_, LightId::Emitter(i)) => emitter_power(scene, i, &brightness),
         (_, LightId::Point(i)) => {
             let light = &scene.points[i as usize];
-            4.0 * std::f64::consts::PI * light.cone.mean_falloff() * luminance(light.intensity)
+            4.0 * std::f64::consts::PI * light.cone.mean_falloff() * luminance_of(light.intensity)
         }
-        (_, LightId::Directional(i)) => disk * luminance(scene.directionals[i as usize].irradiance),
+        (_, LightId::Directional(i)) => {
+            disk * luminance_of(scene.directionals[i as usize].irradiance)
+        }
         (_, LightId::Environment) => disk * environment_light.map_or(0.0, EnvironmentLight::power),
     };
     let mut weights: Vec<f64> = ids.iter().map(|id| weight(*id)).collect();
@@ -134,8 +137,9 @@ fn share((near, distant): (&mut [f64], &mut [f64])) {
 /// Estimates the luminance of the power that an emissive primitive emits on its front.
 fn emitter_power(scene: &CompiledScene, i: u32, brightness: &[f64]) -> f64 {
     let m = area::material(scene, i);
-    let plain =
-        std::f64::consts::PI * f64::from(scene.emitters[i as usize].area) * luminance(m.emission);
+    let plain = std::f64::consts::PI
+        * f64::from(scene.emitters[i as usize].area)
+        * luminance_of(m.emission);
     if m.emission_texture == NONE {
         return plain;
     }
@@ -143,7 +147,7 @@ fn emitter_power(scene: &CompiledScene, i: u32, brightness: &[f64]) -> f64 {
     let probe = |k: u32| {
         let u = [(k % side) as f32 + 0.5, (k / side) as f32 + 0.5].map(|x| x / side as f32);
         let uv = area::sample_uv(scene, i, u);
-        luminance(lookup(&scene.textures, m.emission_texture, uv, m.tiling))
+        luminance_of(lookup(&scene.textures, m.emission_texture, uv, m.tiling))
     };
     let probed = (0..PROBES).map(probe).sum::<f64>() / f64::from(PROBES);
     plain * (probed + MEAN_SHARE * brightness[m.emission_texture as usize])
@@ -153,7 +157,7 @@ fn mean_luminance(texture: &Texture) -> f64 {
     let sum: f64 = texture
         .texels
         .iter()
-        .map(|t| luminance(glam::Vec3::from_array(t)))
+        .map(|t| luminance_of(glam::Vec3::from_array(t)))
         .sum();
     sum / texture.texels.len().max(1) as f64
 }

@@ -3,8 +3,6 @@
 
 use std::path::Path;
 
-use super::{available_and_total, process_bytes};
-
 /// A limit of memory, and where it comes from. Its text is `1.0 GiB are free`, with the source.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MemoryLimit {
@@ -168,6 +166,40 @@ fn number(file: &Path) -> Option<u64> {
     std::fs::read_to_string(file).ok()?.trim().parse().ok()
 }
 
+/// Available and total bytes of memory of the machine; `None` on systems without `/proc/meminfo`.
+pub fn available_and_total() -> Option<[u64; 2]> {
+    parse_meminfo(&std::fs::read_to_string("/proc/meminfo").ok()?)
+}
+
+/// Bytes under a key such as `VmRSS:` of `/proc/<process>/status`, where `process` is a number or
+/// `self`; `None` on systems without that file.
+pub fn process_bytes(process: &str, key: &str) -> Option<u64> {
+    bytes_after(
+        &std::fs::read_to_string(format!("/proc/{process}/status")).ok()?,
+        key,
+    )
+}
+
+fn parse_meminfo(text: &str) -> Option<[u64; 2]> {
+    Some([
+        bytes_after(text, "MemAvailable:")?,
+        bytes_after(text, "MemTotal:")?,
+    ])
+}
+
+fn bytes_after(text: &str, key: &str) -> Option<u64> {
+    number_after(text, key).map(|kilobytes| kilobytes * 1024)
+}
+
+fn number_after(text: &str, key: &str) -> Option<u64> {
+    text.lines()
+        .find_map(|line| line.strip_prefix(key))?
+        .split_whitespace()
+        .next()?
+        .parse()
+        .ok()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -234,5 +266,20 @@ mod tests {
         }
         let [free, total] = [free(None, 0).unwrap(), total(None).unwrap()];
         assert!(0 < free.bytes && free.bytes < total.bytes, "{free} {total}");
+    }
+
+    #[test]
+    fn meminfo_is_parsed() {
+        let text =
+            "MemTotal:       16316412 kB\nMemFree:         1 kB\nMemAvailable:    8158206 kB\n";
+        assert_eq!(
+            parse_meminfo(text),
+            Some([8_158_206 * 1024, 16_316_412 * 1024])
+        );
+        assert_eq!(parse_meminfo("MemTotal: 1 kB\n"), None);
+        assert_eq!(
+            number_after("VmPeak: 1 kB\nVmRSS:       16316412 kB\n", "VmRSS:"),
+            Some(16_316_412)
+        );
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::experiment::spec::HookError;
+use crate::experiment::hook_error::HookError;
 use crate::experiment::stop::StopError;
 use lumbre_light::scene::SceneError;
 use lumbre_light::value::schema::SchemaError;

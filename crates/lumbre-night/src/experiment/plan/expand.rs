@@ -11,9 +11,10 @@ use super::{
     BiasCheck, Cell, Plan, PlanError, PlannedCommand, Reference, ReferenceSource, RunId, Skipped,
     identity, warnings,
 };
+use crate::experiment::hook_error::HookError;
 use crate::experiment::shards;
 use crate::experiment::spec::{
-    BiasCheckRequest, ExperimentSpec, HookError, Point, ReferenceRequest, ScriptHooks,
+    BiasCheckRequest, ExperimentSpec, Point, ReferenceRequest, ScriptHooks,
 };
 use crate::experiment::stop::StopRule;
 use lumbre_light::transport::integrator::{bias_of, integrator};

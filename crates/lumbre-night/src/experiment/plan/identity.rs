@@ -328,8 +328,8 @@ mod tests {
     use super::*;
     use lumbre_light::transport::delay;
     use lumbre_light::transport::integrator::integrator;
-    use lumbre_light::transport::path_time::Timing;
     use lumbre_light::transport::sampler::INDEPENDENT;
+    use lumbre_light::transport::time_settings::Timing;
 
     #[test]
     fn the_revisions_of_technique_sampler_and_delays_are_in_the_identity() {

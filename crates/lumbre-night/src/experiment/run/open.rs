@@ -7,14 +7,18 @@ use std::time::SystemTime;
 
 use super::active_run::RunRequest;
 use super::attempt::{AttemptError, RetryState};
-use super::scenes::RunScene;
+use super::scenes::{RunScene, SHARE, WITHOUT_LIMIT};
 use super::state::NightRunner;
 use super::waves::SLICE_S;
+use crate::experiment::memory;
 use crate::experiment::outcome::{CellRef, Level};
 use crate::experiment::plan::identity;
 use crate::experiment::run_progress::RunProgress;
 use crate::experiment::spec::Warmup;
+use lumbre_light::scene::compile::compile_sharing;
+use lumbre_light::scene::desc::hash_without_camera;
 use lumbre_light::transport::integrator::external::is_external;
+use lumbre_render::cpu::kept_bytes;
 use lumbre_render::denoise;
 use lumbre_render::external::{self, Access};
 use lumbre_render::hierarchy::LaneMode;
@@ -33,6 +37,35 @@ pub(super) struct ResumePoint {
 }
 
 impl<'a> NightRunner<'a, '_> {
+    /// Returns the compiled scene of a run, from the cache if it is there.
+    pub(super) fn compiled(&mut self, request: &RunRequest<'_>) -> Result<RunScene, String> {
+        let (desc, sharing) = (request.scene, request.config.accel.instances);
+        let hash = hash_without_camera(desc);
+        let (scene, notes) = match self.scenes.get(hash, sharing) {
+            Some(compiled) => RunScene::new(compiled, desc).map_err(|e| e.to_string())?,
+            None => {
+                // Dropped first, so that two large scenes need not fit into memory.
+                let kept = kept_bytes() + self.scenes.bytes();
+                let free = memory::free(self.options.memory, kept);
+                self.scenes
+                    .shrink_to(free.map_or(WITHOUT_LIMIT, |limit| limit.bytes / SHARE));
+                let compile = || compile_sharing(desc, sharing);
+                let (compiled, notes) =
+                    catch_panic("compiling the scene", compile)?.map_err(|e| e.to_string())?;
+                let compiled = Arc::new(compiled);
+                self.scenes.add(hash, sharing, Arc::clone(&compiled));
+                let view = None;
+                (RunScene { compiled, view }, notes)
+            }
+        };
+        for note in notes {
+            if self.reported_notes.insert(note.clone()) {
+                self.emit_message(Level::Warn, request.cell, note.to_string())?;
+            }
+        }
+        Ok(scene)
+    }
+
     /// Renders the warm-up of a cell, if the plan has one, and discards it.
     pub(super) fn warm_up(
         &mut self,

@@ -3,25 +3,19 @@
 
 use std::sync::Arc;
 
-use super::active_run::RunRequest;
-use super::open::catch_panic;
-use super::state::NightRunner;
-use crate::experiment::memory;
-use crate::experiment::outcome::Level;
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::{FigureKind, RunColumn, TableValue};
-use lumbre_light::scene::compile::{Sharing, compile_camera, compile_sharing};
-use lumbre_light::scene::desc::{content_hash, hash_without_camera};
+use lumbre_light::scene::compile::{Sharing, compile_camera};
+use lumbre_light::scene::desc::content_hash;
 use lumbre_light::scene::{CompiledScene, Note, SceneDesc, SceneError};
 use lumbre_render::View;
-use lumbre_render::cpu::kept_bytes;
 use lumbre_render::cpu::kept_scenes::{SceneKeeper, scene_bytes};
 
 /// Fraction of the free memory that kept scenes may take, as its reciprocal.
-const SHARE: u64 = 8;
+pub(super) const SHARE: u64 = 8;
 
 /// Bytes that kept scenes may take where the system states no limit.
-const WITHOUT_LIMIT: u64 = 1 << 30;
+pub(super) const WITHOUT_LIMIT: u64 = 1 << 30;
 
 /// Greatest number of scenes that are kept. In a sweep of thousands of scenes, looking through more
 /// would take longer than compiling a small one.
@@ -53,7 +47,7 @@ pub(super) struct RunScene {
 
 impl RunScene {
     /// Returns a compiled scene through the camera of a description, with notes about the camera.
-    fn new(
+    pub(super) fn new(
         compiled: Arc<CompiledScene>,
         desc: &SceneDesc,
     ) -> Result<(RunScene, Vec<Note>), SceneError> {
@@ -86,7 +80,7 @@ impl SceneCache {
     }
 
     /// Returns a compiled scene, if it is cached.
-    fn get(&mut self, hash: [u8; 32], sharing: Sharing) -> Option<Arc<CompiledScene>> {
+    pub(super) fn get(&mut self, hash: [u8; 32], sharing: Sharing) -> Option<Arc<CompiledScene>> {
         let is_same = |cached: &CachedScene| (cached.hash, cached.sharing) == (hash, sharing);
         let index = self.scenes.iter().position(is_same)?;
         let cached = self.scenes.remove(index);
@@ -96,7 +90,7 @@ impl SceneCache {
     }
 
     /// Adds a scene, and drops the one that was used least recently if there are too many.
-    fn add(&mut self, hash: [u8; 32], sharing: Sharing, compiled: Arc<CompiledScene>) {
+    pub(super) fn add(&mut self, hash: [u8; 32], sharing: Sharing, compiled: Arc<CompiledScene>) {
         let keeper = self
             .hierarchies
             .then(|| SceneKeeper::new(Arc::clone(&compiled)));
@@ -113,7 +107,7 @@ impl SceneCache {
 
     /// Drops the scenes that were used least recently until the others take at most this many
     /// bytes.
-    fn shrink_to(&mut self, bytes: u64) {
+    pub(super) fn shrink_to(&mut self, bytes: u64) {
         let mut left = bytes;
         let mut newest_first = self.scenes.iter().rev();
         let fitting =
@@ -137,7 +131,7 @@ impl SceneCache {
     }
 
     /// Bytes of all scenes.
-    fn bytes(&self) -> u64 {
+    pub(super) fn bytes(&self) -> u64 {
         let bytes = self
             .scenes
             .iter()
@@ -146,41 +140,11 @@ impl SceneCache {
     }
 }
 
-impl NightRunner<'_, '_> {
-    /// Returns the compiled scene of a run, from the cache if it is there.
-    pub(super) fn compiled(&mut self, request: &RunRequest<'_>) -> Result<RunScene, String> {
-        let (desc, sharing) = (request.scene, request.config.accel.instances);
-        let hash = hash_without_camera(desc);
-        let (scene, notes) = match self.scenes.get(hash, sharing) {
-            Some(compiled) => RunScene::new(compiled, desc).map_err(|e| e.to_string())?,
-            None => {
-                // Dropped first, so that two large scenes need not fit into memory.
-                let kept = kept_bytes() + self.scenes.bytes();
-                let free = memory::free(self.options.memory, kept);
-                self.scenes
-                    .shrink_to(free.map_or(WITHOUT_LIMIT, |limit| limit.bytes / SHARE));
-                let compile = || compile_sharing(desc, sharing);
-                let (compiled, notes) =
-                    catch_panic("compiling the scene", compile)?.map_err(|e| e.to_string())?;
-                let compiled = Arc::new(compiled);
-                self.scenes.add(hash, sharing, Arc::clone(&compiled));
-                let view = None;
-                (RunScene { compiled, view }, notes)
-            }
-        };
-        for note in notes {
-            if self.reported_notes.insert(note.clone()) {
-                self.emit_message(Level::Warn, request.cell, note.to_string())?;
-            }
-        }
-        Ok(scene)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use lumbre_light::scene::compile::compile;
+    use lumbre_light::scene::desc::hash_without_camera;
     use lumbre_scene_io::load::load;
 
     fn scene(file: &str) -> SceneDesc {

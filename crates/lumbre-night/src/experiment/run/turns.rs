@@ -19,7 +19,7 @@ use crate::experiment::spec::Snapshots;
 use crate::experiment::stop::StopRule;
 use lumbre_light::film::layer::LayerImage;
 use lumbre_light::film::time::bytes;
-use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::time_settings::Timing;
 use lumbre_metrics::evaluator::Evaluator;
 use lumbre_render::cpu::kept_bytes;
 use lumbre_render::{Advance, RenderError, Renderer, Until};

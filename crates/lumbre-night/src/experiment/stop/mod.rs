@@ -8,8 +8,8 @@ mod plateau;
 
 pub use limits::StopError;
 
+use super::hook_error::HookError;
 use super::outcome::{EndCause, WaveRow};
-use super::spec::HookError;
 use lumbre_metrics::MetricSpec;
 use plateau::Slope;
 

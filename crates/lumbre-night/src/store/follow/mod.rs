@@ -13,7 +13,7 @@ mod tests;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
@@ -29,9 +29,9 @@ use super::worker::registry::WorkerStatus;
 use super::worker::registry::list_workers;
 use crate::experiment::{CellRef, Event, Night, Outcome, WaveRow};
 use lumbre_light::film::Image;
-use lumbre_light::film::time::TimeAxis;
 use lumbre_render::OpenStats;
 use run::FollowedRun;
+pub use run::TimesFile;
 
 /// Interval at which the workers' heartbeats are read.
 const WORKER_POLL: Duration = Duration::from_secs(2);
@@ -43,17 +43,6 @@ pub struct TimedEvent {
     pub at_s: f64,
     /// Event that happened.
     pub event: Event,
-}
-
-/// Time-resolved film of a finished run, as a file.
-#[derive(Clone, Debug)]
-pub struct TimesFile {
-    /// Cell or reference of the run.
-    pub cell: CellRef,
-    /// NumPy array of mean radiance, \[row\]\[column\]\[bin\]\[rgb\].
-    pub file: PathBuf,
-    /// Time bins of the array.
-    pub axis: TimeAxis,
 }
 
 /// Changes since the last poll.

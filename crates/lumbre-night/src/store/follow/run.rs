@@ -6,7 +6,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::TimesFile;
 use crate::experiment::{CellRef, Event, WaveRow};
 use crate::store::FILMS;
 use crate::store::read::archive::Decode;
@@ -18,6 +17,17 @@ use lumbre_light::film::Image;
 use lumbre_light::film::layer::{Layer, LayerFilm, LayerImage, PathSubset};
 use lumbre_light::film::time::{CUBE_FILE, TimeAxis};
 use lumbre_metrics::MetricSpec;
+
+/// Time-resolved film of a finished run, as a file.
+#[derive(Clone, Debug)]
+pub struct TimesFile {
+    /// Cell or reference of the run.
+    pub cell: CellRef,
+    /// NumPy array of mean radiance, \[row\]\[column\]\[bin\]\[rgb\].
+    pub file: PathBuf,
+    /// Time bins of the array.
+    pub axis: TimeAxis,
+}
 
 /// A run that is shown.
 #[derive(Debug)]

@@ -463,7 +463,7 @@ fn the_time_resolved_film_is_reported_once_after_the_run() {
     );
     let cell = Arc::make_mut(&mut plan.cells[0].config);
     cell.timing =
-        lumbre_light::transport::path_time::Timing::from_film(film.as_map().unwrap(), "film")
+        lumbre_light::transport::time_settings::Timing::from_film(film.as_map().unwrap(), "film")
             .unwrap();
     let store = Store::open(dir.path(), &plan, decode).unwrap();
     store.journal(night_start()).unwrap();
@@ -571,7 +571,7 @@ impl LiveNight<'_> {
             .collect();
         let mut night = Night::planned(self.plan);
         // Shards that were finished stay so, as their files do.
-        night.references[0].shards = self.night.references[0].shards.clone();
+        Arc::make_mut(&mut night.references[0]).shards = self.night.references[0].shards.clone();
         let night = Arc::new(night);
         self.emit(&Event::NightStarted { night });
         for (cell, last) in done {

@@ -45,16 +45,6 @@ pub fn list_experiments(out: &Path) -> Listing {
     listing
 }
 
-/// Lists the finished runs of this experiment in the folders beside `folder`, by id.
-pub(crate) fn finished_in_siblings(
-    out: &Path,
-    name: &str,
-    folder: &Path,
-) -> BTreeMap<String, PathBuf> {
-    let siblings = layout::siblings(out, name);
-    layout::finished_runs(siblings.into_iter().filter(|other| other != folder))
-}
-
 fn listed_night(files: &NightReader, index: &mut RunIndex) -> Night {
     let mut night = planned_night(files);
     let mut states = StateReader {

@@ -7,7 +7,6 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::night_index::finished_in_siblings;
 use super::run_reader::RunReader;
 use crate::experiment::{CellRef, RunId};
 use crate::store::schema::plan::{EnvFile, PlanFile, PlannedReference};
@@ -157,7 +156,7 @@ impl NightReader {
     /// Finished runs of the nights beside this one that have its name, by run id.
     pub fn elsewhere(&self) -> &BTreeMap<String, PathBuf> {
         self.elsewhere
-            .get_or_init(|| finished_in_siblings(&self.out, &self.plan.name, &self.folder))
+            .get_or_init(|| layout::finished_in_siblings(&self.out, &self.plan.name, &self.folder))
     }
 
     /// Image file of a reference that is one: the copy in `refs`, which has a checksum, or the

@@ -4,5 +4,6 @@
 pub(crate) mod completion_markers;
 pub(crate) mod plan_snapshot;
 pub(crate) mod registry;
+pub(crate) mod session;
 pub(crate) mod shards;
 pub mod worker_store;

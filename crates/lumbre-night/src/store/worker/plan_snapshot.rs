@@ -6,16 +6,15 @@ use std::path::{Path, PathBuf};
 
 use crate::experiment::plan::{ReferenceSource, identity};
 use crate::experiment::{Plan, RunId};
-use crate::store::StoreError;
-use crate::store::read::night_index;
 use crate::store::schema::plan::{PlanFile, PlanSnapshot};
 use crate::store::schema::{Problem, StoredFile};
+use crate::store::{StoreError, layout};
 
 impl PlanSnapshot {
     /// Takes the snapshot of a plan whose folder exists and which `command` made.
     pub fn new(out: &Path, home: &Path, plan: &Plan, command: PlanCommand) -> PlanSnapshot {
         let ids: BTreeSet<&RunId> = plan.cells.iter().map(|cell| &cell.id).collect();
-        let elsewhere = night_index::finished_in_siblings(out, &plan.name, home);
+        let elsewhere = layout::finished_in_siblings(out, &plan.name, home);
         PlanSnapshot {
             plan: plan.hash.clone(),
             folder: as_text(&command.folder),

@@ -27,7 +27,7 @@ use crate::store::schema::plan::PlanSnapshot;
 use crate::store::schema::run::{ConfigFile, DoneFile, FailedFile, ImportedReference, REFERENCE};
 use crate::store::schema::{StoredFile, pretty};
 use crate::store::worker::completion_markers::CompletionMarkers;
-use crate::store::worker::worker_store::WorkerSession;
+use crate::store::worker::session::WorkerSession;
 use crate::store::worker::{registry, shards};
 use crate::store::{Host, StoreError, config_file, layout, plan_file, utc};
 use lumbre_light::film::Image;

@@ -8,10 +8,7 @@ use super::{atomic, checkpoint, failure, manifest_checksum, metrics_csv};
 use crate::experiment::WaveRow;
 use crate::store::schema::StoredFile;
 use crate::store::schema::run::{ConfigFile, DONE, DoneFile};
-use crate::store::{StoreError, regular_file};
-
-/// Name of the folder of layer images inside a run's folder.
-pub const FILMS: &str = "films";
+use crate::store::{FILMS, StoreError, regular_file};
 
 /// File names of a reference's two independent halves.
 pub const HALVES: [&str; 2] = ["half-a.exr", "half-b.exr"];

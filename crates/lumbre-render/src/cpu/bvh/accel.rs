@@ -14,7 +14,7 @@ use std::time::Instant;
 use glam::Vec3A;
 
 use super::build;
-use super::build::BuildPrimitive;
+use super::build_primitive::BuildPrimitive;
 use super::bvh8::{Block, BuildItem, Bvh8, LEAF, Node, TreeRoot};
 use super::compressed;
 use super::instances;

@@ -9,7 +9,7 @@ use glam::Vec3;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 
-use super::build::BuildPrimitive;
+use super::build_primitive::BuildPrimitive;
 use super::collapse::{CollapseCosts, collect_primitives, weights};
 use super::intersect::TriangleBlock;
 use super::simd::{LANES, LaneArray};

@@ -17,7 +17,7 @@ use obvhs::bvh2::{Bvh2, DEFAULT_MAX_STACK_DEPTH};
 use obvhs::ploc::PlocBuilder;
 use obvhs::{Boundable, BvhBuildParams};
 
-use super::build::BuildPrimitive;
+use super::build_primitive::BuildPrimitive;
 use super::collapse::{collect_primitives, weights};
 use super::simd::LANES;
 use crate::hierarchy::Quality;

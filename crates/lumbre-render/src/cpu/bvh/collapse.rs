@@ -4,7 +4,7 @@
 
 use obvhs::bvh2::Bvh2;
 
-use super::build::range;
+use super::build_primitive::range;
 use super::simd::LANES;
 
 /// Least costs of the subtrees of a binary tree. The cost of a wide tree is the sum of the areas of

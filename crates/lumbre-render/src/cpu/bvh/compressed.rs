@@ -168,7 +168,7 @@ mod tests {
     use lumbre_light::math::rng::{pcg4d, unit};
 
     use super::*;
-    use crate::cpu::bvh::build::BuildPrimitive;
+    use crate::cpu::bvh::build_primitive::BuildPrimitive;
     use crate::cpu::bvh::intersect;
     use crate::cpu::bvh::intersect::ShearedRay;
     use crate::cpu::bvh::packed::build_packed;

@@ -6,7 +6,7 @@
 
 use glam::Vec3;
 
-use super::build::BuildPrimitive;
+use super::build_primitive::BuildPrimitive;
 use super::bvh8::{Node, TreeRoot};
 use crate::instance_transform;
 use crate::instance_transform::InstanceTransform;

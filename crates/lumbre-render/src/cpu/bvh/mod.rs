@@ -28,6 +28,7 @@
 
 pub mod accel;
 pub mod build;
+pub mod build_primitive;
 pub mod bvh8;
 mod clusters;
 pub mod collapse;

@@ -15,7 +15,8 @@ pub use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 pub use obvhs::cwbvh::node::CwBvhNode;
 
-use super::build::{BuildPrimitive, build_scene};
+use super::build::build_scene;
+use super::build_primitive::BuildPrimitive;
 use super::simd::LANES;
 use crate::hierarchy::{AccelSpec, Builder};
 

@@ -10,7 +10,7 @@ use std::collections::BinaryHeap;
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 
-use super::build::BuildPrimitive;
+use super::build_primitive::BuildPrimitive;
 
 /// Parts are cut while they waste at least this multiple of the area of the scene's box over the
 /// number of primitives (docs/notes/rays.md).

@@ -7,7 +7,7 @@ use lumbre_light::scene::desc::MAX_COORDINATE;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::node::Bvh2Node;
 
-use super::build::{BuildPrimitive, range};
+use super::build_primitive::{BuildPrimitive, range};
 
 /// Returns three uniform numbers below 1 for a key.
 fn uniform(key: [u32; 4]) -> Vec3 {

@@ -7,7 +7,7 @@
 use glam::Vec3;
 
 use lumbre_light::film::time::TimeFilter;
-use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::time_settings::Timing;
 
 /// Identifies a sample of a row: its column and its sample index.
 pub type SampleId = (u32, u64);

@@ -15,9 +15,9 @@ use lumbre_light::film::Film;
 use lumbre_light::film::layer::{Layer, LayerFilm, LayerLayout};
 use lumbre_light::film::splat::SplatSums;
 use lumbre_light::film::state::{CheckpointMismatch, StateReader, write_u64s};
+use lumbre_light::math::luminance::luminance_of;
 use lumbre_light::transport::contribution::Contribution;
 use lumbre_light::transport::integrator::Context;
-use lumbre_light::transport::light::luminance;
 use lumbre_light::transport::sampler::Sampler;
 use lumbre_light::transport::surface::Surface;
 
@@ -288,7 +288,7 @@ impl LayerSpec {
         let strategy = self.layout.strategy(c.s, c.t);
         add_to(strategy, c.value);
         add_to(strategy.map(|weighted| weighted + 1), c.unweighted);
-        let luminance = luminance(c.value) as f32;
+        let luminance = luminance_of(c.value) as f32;
         add_to(
             self.layout.single(Layer::Bounces),
             Vec3::new((k - 1) as f32 * luminance, luminance, 0.0),

@@ -21,7 +21,7 @@ use lumbre_light::film::prefetch::prefetch;
 use lumbre_light::film::splat::SplatSums;
 use lumbre_light::film::state::{CheckpointMismatch, StateReader, write_u64s};
 use lumbre_light::film::time::{TimeCube, bytes, sum_slots};
-use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::time_settings::Timing;
 
 /// Sums of a film with a time axis.
 pub(crate) struct TimeFilm {

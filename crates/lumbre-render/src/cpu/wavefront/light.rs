@@ -13,9 +13,9 @@ use lumbre_light::transport::contribution::Contribution;
 use lumbre_light::transport::integrator::Context;
 use lumbre_light::transport::integrator::camera_path::{PathLight, PathSink, ShadowRay, needs_ray};
 use lumbre_light::transport::integrator::iteration::recorded::RecordedPaths;
-use lumbre_light::transport::path_time::Timing;
 use lumbre_light::transport::ray::Ray;
 use lumbre_light::transport::sampler::Sampler;
+use lumbre_light::transport::time_settings::Timing;
 
 /// Fields of a [`Contribution`] that only layers need.
 #[derive(Clone, Copy, Debug)]

@@ -32,7 +32,7 @@ use camera_paths::PathTile;
 use lumbre_light::math::simd::Width;
 use lumbre_light::transport::integrator::bdpt::joins::SubpathTechnique;
 use lumbre_light::transport::integrator::camera_path::CameraPaths;
-use lumbre_light::transport::integrator::iteration::light_paths::{LightBatch, LightUnit};
+use lumbre_light::transport::integrator::iteration::light_batch::{LightBatch, LightUnit};
 use lumbre_light::transport::integrator::iteration::recorded::{CameraBatch, RecordedPaths};
 use lumbre_light::transport::integrator::{Context, TechniqueVisitor, visit_technique};
 pub use small_scene::SmallScene;

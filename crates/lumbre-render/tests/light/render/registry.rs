@@ -1,7 +1,8 @@
 //! Names of techniques: those of other crates, and of programs of others.
 
 use lumbre_light::transport::integrator::external::{is_external, is_free_name};
-use lumbre_light::transport::integrator::own::{Registered, RegistrationError, register};
+use lumbre_light::transport::integrator::own::{Registered, RegistrationError};
+use lumbre_light::transport::integrator::register;
 use lumbre_light::transport::integrator::{
     INTEGRATORS, IntegratorRow, bpt, integrator, integrators,
 };

@@ -9,7 +9,7 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{MaskMode, Material, NONE, Texture};
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::transport::delay::Profile;
-use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::time_settings::Timing;
 use lumbre_light::value::Value;
 use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 

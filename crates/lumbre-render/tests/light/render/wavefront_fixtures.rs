@@ -8,7 +8,7 @@ use lumbre_light::film::time::{TimeAxis, TimeCube, sum_slots};
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{Distribution, Interface, Material, Model, diffuse_reflectance};
 use lumbre_light::transport::integrator::integrator;
-use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::time_settings::Timing;
 use lumbre_light::value::Value;
 use lumbre_render::cpu::bvh::simd::Isa;
 use lumbre_render::hierarchy::{AccelSpec, LaneMode};

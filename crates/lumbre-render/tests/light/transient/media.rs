@@ -1,7 +1,7 @@
 //! Arrival times in a medium around everything.
 
 use glam::Vec3;
-use lumbre_light::transport::path_time::Timing;
+use lumbre_light::transport::time_settings::Timing;
 use lumbre_render::Renderer;
 
 use super::arrival::histogram;

@@ -22,8 +22,8 @@ use lumbre_night::experiment::WaveRow;
 use lumbre_night::experiment::night::Night;
 use lumbre_night::text::program;
 
+use crate::OutputError;
 use crate::plot::svg::{base64, without_controls};
-use crate::{OutputError, format};
 use lumbre_night::paths::SCRIPT_COPY;
 use lumbre_night::text::visible;
 use views::View;
@@ -305,9 +305,4 @@ fn night_facts(night: &Night, name: Option<&str>, context: &ReportContext) -> Ma
             a href=((context.link)(&night.folder.join(SCRIPT_COPY))) { "script" }
         }
     }
-}
-
-/// Formats a number below a picture with three significant digits.
-pub(super) fn brief(x: f64) -> String {
-    format::significant(x, 3)
 }

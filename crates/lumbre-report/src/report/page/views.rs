@@ -4,7 +4,6 @@
 use exr::prelude::f16;
 use serde_json::{Value as Json, json};
 
-use super::brief;
 use crate::exposure;
 use crate::plot::svg::base64;
 use crate::report::Pictures;
@@ -12,7 +11,7 @@ use crate::report::crops::flip_metric;
 use crate::report::snapshots;
 use crate::report::snapshots::{FacetReferences, Moment, Reference, Snapshot};
 use crate::report::study::Study;
-use crate::{OutputError, png};
+use crate::{OutputError, format, png};
 use lumbre_light::film::Image;
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
@@ -207,6 +206,11 @@ fn half_floats(image: &Image) -> String {
         .flat_map(|x| half(x).to_le_bytes())
         .collect();
     base64(&bytes)
+}
+
+/// Formats a number below a picture with three significant digits.
+fn brief(x: f64) -> String {
+    format::significant(x, 3)
 }
 
 #[cfg(test)]

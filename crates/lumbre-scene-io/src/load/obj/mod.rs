@@ -24,6 +24,7 @@ use std::path::{Path, PathBuf};
 use glam::{Vec2, Vec3};
 
 use self::text::FaceGroup;
+pub(super) use self::text::Smoothing;
 use super::images::ImageCache;
 use super::{MissingTextures, canonical, read_file};
 use super::{default_scene, files};
@@ -46,16 +47,6 @@ pub(super) enum Front {
     CounterClockwise,
     /// The vertices run clockwise, seen from the front: the convention of `.scn`.
     Clockwise,
-}
-
-/// Meaning of smoothing groups (`s`) for faces without normals.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Smoothing {
-    /// The faces of a group share normals; all others are flat.
-    #[default]
-    Groups,
-    /// They are ignored: the caller computes normals for the whole mesh.
-    Ignored,
 }
 
 /// Returns whether the first bytes of a file look like an OBJ.

@@ -16,11 +16,20 @@ use std::fmt::Write as _;
 use glam::{DVec3, Vec3};
 
 use self::smoothing::SmoothingGroups;
-use super::Smoothing;
 use super::supported::NotedKeywords;
 use crate::load::polygon::Triangulator;
 use lumbre_light::scene::compile::srgb_to_linear;
 use lumbre_light::scene::desc::MAX_COORDINATE;
+
+/// Meaning of smoothing groups (`s`) for faces without normals.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(in crate::load) enum Smoothing {
+    /// The faces of a group share normals; all others are flat.
+    #[default]
+    Groups,
+    /// They are ignored: the caller computes normals for the whole mesh.
+    Ignored,
+}
 
 /// Faces with the same material, where all vertices or none have texture coordinates, and the same
 /// for normals.

@@ -7,7 +7,7 @@ use std::rc::Rc;
 use glam::{DAffine3, DVec3};
 
 use super::light::AreaSource;
-use super::material::MaterialSource;
+use super::material_source::MaterialSource;
 use super::names::NameMarks;
 use super::params::Params;
 use super::spectrum::ColorSpace;

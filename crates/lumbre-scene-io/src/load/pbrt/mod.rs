@@ -22,6 +22,7 @@ mod directives;
 mod environment;
 mod light;
 mod material;
+mod material_source;
 mod names;
 mod params;
 mod scoped;
@@ -43,7 +44,7 @@ use std::rc::Rc;
 use glam::{DAffine3, DMat3, DVec3};
 
 use self::light::{AreaSource, Areas, LightReader, SceneLight};
-use self::material::MaterialSource;
+use self::material_source::MaterialSource;
 use self::params::Params;
 use self::scoped::Scoped;
 use self::shape::{LoadedShape, ShapeLoader, ShapeOptions};

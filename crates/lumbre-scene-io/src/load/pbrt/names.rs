@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use super::material::MaterialSource;
+use super::material_source::MaterialSource;
 use super::params::Params;
 use super::state::MaterialRef;
 use super::version::Version;

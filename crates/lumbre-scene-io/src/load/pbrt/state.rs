@@ -5,7 +5,7 @@ use std::rc::Rc;
 use glam::{DAffine3, DMat3, DVec3};
 
 use super::light::AreaSource;
-use super::material::MaterialSource;
+use super::material_source::MaterialSource;
 use super::params::Param;
 use super::spectrum::ColorSpace;
 

@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use super::scenes::{Opened, Scenes};
-use super::{Frame, Request, SLOTS, SessionOptions, Shared, Status, Wanted, lock};
+use super::shared::{Frame, Request, SLOTS, SessionOptions, Shared, Status, Wanted, lock};
 use crate::explore::settings::Limits;
 use lumbre_light::film::layer::LayerImage;
 use lumbre_light::film::{SharedImage, relative_noise};

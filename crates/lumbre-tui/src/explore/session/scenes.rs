@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::{LoadedScene, Request, SessionOptions};
+use super::shared::{LoadedScene, Request, SLOTS, SessionOptions};
 use crate::explore::settings::{SceneFacts, SceneFile, is_camera_change};
 use lumbre_light::scene::compile::{compile_camera, compile_sharing};
 use lumbre_light::scene::desc::SceneDesc;
@@ -19,7 +19,7 @@ use lumbre_render::{Job, Renderer, View};
 use lumbre_scene_io::edit;
 
 /// Number of scenes that are kept: one for each picture.
-const CAPACITY: usize = super::SLOTS;
+const CAPACITY: usize = SLOTS;
 
 /// A scene with all changes but those of the camera.
 struct KnownScene {

@@ -9,6 +9,7 @@ mod lobe;
 mod overlays;
 mod panel;
 pub mod picture;
+pub mod picture_cache;
 mod pixel;
 
 use std::cell::RefCell;
@@ -23,7 +24,7 @@ use super::session::{Published, Status};
 use super::state::{Overlay, State};
 use crate::tui::format;
 use crate::tui::terminal::terminal_caps::{Graphics, TerminalCaps};
-use picture::PictureCache;
+use picture_cache::PictureCache;
 
 /// Smallest screen that is drawn: columns and rows.
 pub const SMALLEST: [u16; 2] = [24, 8];

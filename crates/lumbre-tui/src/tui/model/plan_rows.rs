@@ -6,7 +6,6 @@ use std::sync::Arc;
 use super::night::NightModel;
 use crate::tui::format;
 use crate::tui::modes::PlanLayout;
-use crate::tui::view::View;
 use lumbre_night::experiment::night::NightPlan;
 use lumbre_night::experiment::night::run::RunState;
 use lumbre_night::experiment::{CellRef, Night, Outcome};
@@ -64,7 +63,7 @@ pub struct PlanRows {
 
 impl PlanRows {
     /// Rebuilds the rows if anything has changed.
-    pub fn update(&mut self, model: &NightModel, view: &View) -> &PlanRows {
+    pub fn update(&mut self, model: &NightModel, filter: &str, layout: PlanLayout) -> &PlanRows {
         let Some(night) = model.planned() else {
             *self = PlanRows::default();
             return self;
@@ -80,18 +79,14 @@ impl PlanRows {
         };
         let key = RowsKey {
             plan: Arc::as_ptr(plan) as usize,
-            filter: view.filter.clone(),
-            layout: view.layout,
+            filter: filter.to_owned(),
+            layout,
             open,
             references_are_done: references_are_done(model),
-            revision: if view.filter.is_empty() {
-                0
-            } else {
-                model.revision
-            },
+            revision: if filter.is_empty() { 0 } else { model.revision },
         };
         if self.key.as_ref() != Some(&key) {
-            self.rows = self.build(model, view, open);
+            self.rows = self.build(model, filter, layout, open);
             self.key = Some(key);
         }
         self
@@ -126,8 +121,14 @@ impl PlanRows {
         self.plan = Some(Arc::clone(&night.plan));
     }
 
-    fn build(&self, model: &NightModel, view: &View, open: Option<usize>) -> Vec<PlanRow> {
-        let wanted: Vec<&str> = view.filter.split_whitespace().collect();
+    fn build(
+        &self,
+        model: &NightModel,
+        filter: &str,
+        layout: PlanLayout,
+        open: Option<usize>,
+    ) -> Vec<PlanRow> {
+        let wanted: Vec<&str> = filter.split_whitespace().collect();
         let shown = |i: &usize| {
             let state = model.night.state(CellRef::Cell(*i)).map_or("", state_word);
             wanted
@@ -138,13 +139,13 @@ impl PlanRows {
         let mut rows: Vec<PlanRow> = Vec::new();
         if wanted.is_empty() {
             let fold = self.references >= FOLDED_REFERENCES && references_are_done(model);
-            if fold && view.layout != PlanLayout::Open {
+            if fold && layout != PlanLayout::Open {
                 rows.push(PlanRow::References);
             } else {
                 rows.extend((0..self.references).map(|i| PlanRow::Run(CellRef::Reference(i))));
             }
         }
-        if self.groups.is_empty() || view.layout == PlanLayout::Flat {
+        if self.groups.is_empty() || layout == PlanLayout::Flat {
             rows.extend((0..self.labels.len()).filter(shown).map(entry));
             return rows;
         }
@@ -153,7 +154,7 @@ impl PlanRows {
             if cells.is_empty() {
                 continue;
             }
-            let is_open = view.layout == PlanLayout::Open || !wanted.is_empty() || open == Some(g);
+            let is_open = layout == PlanLayout::Open || !wanted.is_empty() || open == Some(g);
             rows.push(PlanRow::Group(g, is_open));
             if is_open {
                 rows.extend(cells.into_iter().map(entry));

@@ -19,7 +19,11 @@ use lumbre_night::experiment::{CellRef, Outcome, WaveRow};
 
 /// Number of rows of the plan after filtering: references, groups and cells.
 pub fn rows(model: &NightModel, view: &View) -> usize {
-    view.rows.borrow_mut().update(model, view).all().len()
+    view.rows
+        .borrow_mut()
+        .update(model, &view.filter, view.layout)
+        .all()
+        .len()
 }
 
 /// Number of rows that fit on screen below the header.

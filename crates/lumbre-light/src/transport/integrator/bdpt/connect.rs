@@ -14,8 +14,8 @@ use crate::transport::camera::lens::Projection;
 use crate::transport::integrator::camera_path::ShadowRay;
 use crate::transport::integrator::{Context, Settings};
 use crate::transport::light::LightPoint;
-use crate::transport::path_time::Timing;
 use crate::transport::sampler::Sampler;
+use crate::transport::time_settings::Timing;
 use crate::transport::vertex::{self, EdgeEnd};
 
 /// Light found by one strategy in each lane.

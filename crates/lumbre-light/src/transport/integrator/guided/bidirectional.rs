@@ -8,7 +8,8 @@
 //! at vertices of light subpaths for the way back to the previous vertex, which a camera subpath
 //! that came the other way would go on to. Light subpaths are not guided.
 
-use super::{MixedDirections, TRAINED, settings};
+use super::directions::MixedDirections;
+use super::{TRAINED, settings};
 use crate::math::simd::Lanes;
 use crate::transport::bsdf::{BsdfSample, TransportMode};
 use crate::transport::integrator::bdpt::directions::SubpathDirections;

@@ -18,9 +18,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use glam::Vec3;
 
 use super::direction_tree::point_of;
+use super::directions::{Guide, Guided, NAME};
 use super::sd_tree::{LeafSums, Limits, SdTree};
 use super::settings::{Guiding, PATHS_BEFORE, SAMPLES_THAT_TRAIN, Target};
-use super::{Guided, ROW};
 use crate::transport::contribution::Contribution;
 use crate::transport::integrator::Context;
 use crate::transport::integrator::camera_path::SPECULAR;
@@ -43,21 +43,6 @@ const LEAVES: usize = 64;
 /// lists that grow and while it is sorted.
 pub const VERTEX_BYTES: usize =
     2 * size_of::<LeftVertex>() + 4 * size_of::<Contribution>() + 3 * size_of::<Record>();
-
-/// Data that the samples of an iteration share.
-pub struct Guide {
-    /// The tree that guides them.
-    pub tree: Arc<SdTree>,
-    /// The samples themselves, if they are a pass of the training.
-    recorded: Option<RecordedSamples>,
-}
-
-impl Guide {
-    /// Returns the samples, if they are a pass of the training.
-    pub fn recorded(shared: &Shared) -> Option<&RecordedSamples> {
-        shared.downcast_ref::<Guide>()?.recorded.as_ref()
-    }
-}
 
 /// A vertex of a training path whose next edge the tree could have sampled.
 #[derive(Clone, Copy)]
@@ -253,7 +238,7 @@ impl Progress {
             let traced = resources.map(count as usize, |context, i| {
                 let (row, columns) = batch_columns(width, first + i as u32);
                 let batch = CameraBatch {
-                    technique: ROW.name,
+                    technique: NAME,
                     sampler: resources.sampler,
                     seed,
                     sample: self.passes,

@@ -14,13 +14,14 @@
 //! films of consecutive ranges of samples add up to the film of the whole. A method that shrinks a
 //! radius or grows a tree from one iteration to the next computes it from the index.
 
+pub mod light_batch;
 pub mod light_paths;
 pub mod photon_map;
 pub mod recorded;
 
 use std::sync::OnceLock;
 
-use self::light_paths::{LightBatch, LightUnit};
+use self::light_batch::{LightBatch, LightUnit};
 use self::recorded::{CameraBatch, RecordedPaths, RecordedSamples};
 use super::context::Context;
 pub use super::context::Shared;
@@ -87,7 +88,7 @@ impl Sharing {
             .rr_start
             .map_or(u32::MAX, |start| start.saturating_add(after));
         let vertices = size.max_depth.saturating_sub(1).min(by_roulette) as usize;
-        let of_path = light_paths::PATH_BYTES + vertices * self.vertex_bytes;
+        let of_path = light_batch::PATH_BYTES + vertices * self.vertex_bytes;
         // A vertex adds light at most twice, and so does the end of the path.
         let light = (vertices + 1) * 2 * size_of::<Contribution>();
         let of_sample = match self.recorded {
@@ -240,7 +241,7 @@ mod tests {
             photons: Some(7),
             ..automatic
         };
-        let path = light_paths::PATH_BYTES as u64;
+        let path = light_batch::PATH_BYTES as u64;
         let size = |max_depth, rr_start| PathSize {
             pixels: 50,
             max_depth,

@@ -32,8 +32,9 @@ use super::bdpt::store::CachedVertex;
 use super::bdpt::store::VertexId;
 use super::iteration::Sharing;
 use super::{Context, IntegratorRow, settings};
+use crate::math::luminance::luminance_of;
 use crate::transport::contribution::Contribution;
-use crate::transport::light::{SELECT_FIELD, luminance};
+use crate::transport::light::SELECT_FIELD;
 use crate::transport::mis;
 use crate::transport::sampler::Sampler;
 use crate::value::schema::Table;
@@ -183,7 +184,7 @@ fn connect_cache(
             id,
             strategy,
             connection,
-            target: target(luminance(connection.unweighted), weight),
+            target: target(luminance_of(connection.unweighted), weight),
         });
     }
     let targets = candidates.iter().map(|candidate| candidate.target);

@@ -5,8 +5,8 @@ use glam::Vec3;
 use super::Rule;
 use crate::transport::bsdf::Bsdf;
 use crate::transport::integrator::Context;
+use crate::transport::integrator::guided::directions;
 use crate::transport::integrator::guided::sd_tree::SdTree;
-use crate::transport::integrator::guided::training;
 
 /// A tree by which camera subpaths are guided.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,7 +20,7 @@ impl<'a> Guide<'a> {
     /// Returns the tree that the samples of an iteration share.
     pub fn new(context: &Context<'a>) -> Guide<'a> {
         Guide {
-            tree: &context.shared::<training::Guide>().tree,
+            tree: &context.shared::<directions::Guide>().tree,
             bsdf_fraction: f64::from(context.settings.guiding.bsdf_fraction),
         }
     }

@@ -7,12 +7,12 @@ use super::connect::{ShadowQueue, Target};
 use super::pending::{OwnContributions, VertexPair};
 use super::stored::{store_colors, stored_light};
 use crate::cpu::wavefront::light::{store_rays, stored_ray};
+use lumbre_light::math::luminance::luminance_of;
 use lumbre_light::math::real::Mask;
 use lumbre_light::math::simd::{Lanes, active_lanes};
 use lumbre_light::transport::integrator::Context;
 use lumbre_light::transport::integrator::bdpt::connect::Connection;
 use lumbre_light::transport::integrator::bdpt::draw::{LightVertexCache, choose, target};
-use lumbre_light::transport::light::luminance;
 use lumbre_light::transport::ray::Ray;
 
 /// A drawn vertex, with its connection once that is evaluated.
@@ -97,7 +97,7 @@ impl Draws {
             [_, candidate.unweighted] = stored_light(&light[i]);
             candidate.weight = weights[i];
             candidate.length = lengths[i];
-            candidate.target = target(luminance(candidate.unweighted), weights[i]);
+            candidate.target = target(luminance_of(candidate.unweighted), weights[i]);
         }
     }
 

@@ -11,7 +11,7 @@ use lumbre_light::transport::bsdf::TransportMode;
 use lumbre_light::transport::integrator::Context;
 use lumbre_light::transport::integrator::bdpt::directions::BsdfDirections;
 use lumbre_light::transport::integrator::bdpt::state::LightStartRecord;
-use lumbre_light::transport::integrator::iteration::light_paths::{
+use lumbre_light::transport::integrator::iteration::light_batch::{
     LightBatch, LightUnit, max_edges,
 };
 

@@ -5,18 +5,16 @@
 mod rough;
 mod version3;
 
-use std::collections::BTreeMap;
-use std::rc::Rc;
 use std::sync::Arc;
 
 use glam::Vec3;
 
 use super::Loader;
+use super::material_source::MaterialSource;
 use super::params::{Param, Params};
-use super::spectrum::{Spectra, Use};
-use super::texture::{self, Captured, ImageTexture, TextureContext, TextureValue, mean};
+use super::spectrum::Use;
+use super::texture::{ImageTexture, TextureContext, TextureValue, mean};
 use super::token::truncated;
-use super::version::Version;
 use crate::load::images::is_grey;
 use crate::model_differences;
 use lumbre_light::scene::desc::material_params::MIN_IOR;
@@ -25,47 +23,6 @@ use lumbre_light::scene::{Note, SceneError};
 
 /// Greatest depth of mixes in mixes.
 const MAX_NESTING: usize = 8;
-
-/// A `Material` or `MakeNamedMaterial` directive, which is converted when a shape uses it.
-#[derive(Debug)]
-pub(super) struct MaterialSource {
-    /// Name in the file; empty for one without a name.
-    pub name: String,
-    /// Type: `diffuse`, `conductor` and others.
-    pub class: String,
-    /// Parameters of the directive.
-    pub params: Params,
-    /// Meaning of its spectra.
-    pub spectra: Spectra,
-    /// Textures that it refers to, as they were named when the directive was read.
-    pub textures: Captured,
-    /// Materials that it is a mix of, in version 3, as they were named then.
-    pub parts: BTreeMap<String, Rc<MaterialSource>>,
-}
-
-impl MaterialSource {
-    /// Returns whether it transmits everything.
-    pub fn is_interface(&self) -> bool {
-        matches!(self.class.as_str(), "interface" | "none" | "")
-    }
-
-    /// Returns the texture of a parameter that preceded the directive. In version 4, where every
-    /// name has one value, textures may follow.
-    fn captured(&self, p: &Param, of_color: bool) -> Option<Result<TextureValue, SceneError>> {
-        if p.ty != "texture" {
-            return None;
-        }
-        let [name] = p.texts().ok()? else {
-            return None;
-        };
-        let values = self.textures.get(name)?;
-        match &values[usize::from(of_color)] {
-            Some(value) => Some(Ok(value.clone())),
-            None if self.spectra.version == Version::V4 => None,
-            None => Some(Err(texture::unknown(p, name, of_color))),
-        }
-    }
-}
 
 /// Conversion of one material.
 struct MaterialReader<'a> {
