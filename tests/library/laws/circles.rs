@@ -1,9 +1,12 @@
 //! Circles of imports: files of a room that import each other, directly or through others, can only
-//! be read together. No circle has more than [`MOST_FILES`] files.
+//! be read together. There are at most [`MOST_CIRCLES`], and none has more than [`MOST_FILES`] files.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::source::{code_only, rust_files, text};
+
+/// Greatest number of circles in all crates.
+const MOST_CIRCLES: usize = 5;
 
 /// Greatest number of files of a circle.
 const MOST_FILES: usize = 4;
@@ -191,9 +194,8 @@ impl Imports {
 }
 
 #[test]
-fn no_circle_of_imports_has_more_than_four_files() {
-    let mut large = BTreeSet::new();
-    let mut count = 0;
+fn there_are_few_circles_of_imports_and_all_are_small() {
+    let (mut circles, mut count) = (BTreeSet::new(), 0);
     for sources in CRATES {
         let imports = Imports::read(sources);
         let reachable = imports.reachable();
@@ -202,18 +204,19 @@ fn no_circle_of_imports_has_more_than_four_files() {
             let back =
                 |other: &&Module| reachable.get(*other).is_some_and(|of| of.contains(*module));
             let circle: BTreeSet<&Module> = found.iter().filter(back).collect();
-            if circle.len() > MOST_FILES {
+            if circle.len() > 1 {
                 let names: Vec<String> = circle.iter().map(|module| module.join("/")).collect();
-                large.insert(format!("{sources}: {}", names.join(", ")));
+                circles.insert((names.len(), format!("{sources}: {}", names.join(", "))));
             }
         }
     }
     assert!(count > 300, "too few files: {count}");
-    let large: Vec<String> = large.into_iter().collect();
+    let is_large = circles.iter().any(|(files, _)| *files > MOST_FILES);
+    let names: Vec<String> = circles.into_iter().map(|(_, names)| names).collect();
     assert!(
-        large.is_empty(),
+        names.len() <= MOST_CIRCLES && !is_large,
         "circles of imports:\n{}",
-        large.join("\n")
+        names.join("\n")
     );
 }
 

@@ -1,4 +1,4 @@
-//! Compiled materials.
+//! Materials of a scene, compiled.
 
 use glam::Vec3;
 

@@ -327,7 +327,7 @@ mod tests {
         assert_eq!(reason(&mut index, &folder).unwrap(), "first");
         run(dir.path(), "aa", "again");
         let done = fs::File::options().write(true).open(folder.join(DONE));
-        let later = std::time::SystemTime::now() + std::time::Duration::from_secs(60);
+        let later = SystemTime::now() + std::time::Duration::from_secs(60);
         done.unwrap().set_modified(later).unwrap();
         assert_eq!(reason(&mut index, &folder).unwrap(), "again");
     }

@@ -335,7 +335,7 @@ mod tests {
                 && second.device == worker_info("b").device
                 && second.process == std::process::id()
         );
-        let grow_old = |by: std::time::Duration| {
+        let grow_old = |by: Duration| {
             let open = fs::File::options().write(true).open(&file).unwrap();
             open.set_modified(SystemTime::now() - by).unwrap();
         };
