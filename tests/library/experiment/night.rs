@@ -468,7 +468,7 @@ fn a_reference_from_a_file_is_read_through_the_history() {
         night.history.images.insert(id.clone(), Ok(image));
         let (summary, _) = night.record(&lab);
         let size = format!("the picture has 8x4 pixels but its reference {width}x{height}");
-        assert_eq!(*outcomes(&summary)[1], Outcome::Failed(size.into()));
+        assert_eq!(*outcomes(&summary)[1], Outcome::Failed(size));
     }
 
     night

@@ -410,8 +410,12 @@ mod tests {
             [3..4, 4..5, 5..6, 6..7, 7..8, 8..9, 9..10]
         );
         assert_eq!(lit(4..11).groups(3), [3..6, 6..9, 9..12]);
-        assert_eq!(lit(20..21).groups(3), [19..20]);
-        assert_eq!(lit(0..0).groups(1), [0..20], "all bins of a black film");
+        assert_eq!(lit(20..21).groups(3), vec![19..20; 1]);
+        assert_eq!(
+            lit(0..0).groups(1),
+            vec![0..20; 1],
+            "all bins of a black film"
+        );
     }
 
     #[test]
