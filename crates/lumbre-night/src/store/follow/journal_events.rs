@@ -30,6 +30,9 @@ impl Follower {
         }
         match &line.event {
             JournalEvent::NightStarted(_) => {
+                // Whatever the process before measured last belongs to the night that it left.
+                self.poll_runs(changes);
+                self.runs.iter_mut().for_each(|run| run.running = false);
                 self.active.clear();
                 self.begin_night(at_s, changes);
             }
