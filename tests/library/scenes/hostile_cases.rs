@@ -249,7 +249,7 @@ pub fn documents() -> Vec<Case> {
                 "a.gltf",
                 json("\"buffers\": [{ \"uri\": \"data:;base64,====\" }, { \"uri\": 3 }]"),
             )],
-            "buffers[1]",
+            "the base64 data is damaged",
         ),
     ]
 }
