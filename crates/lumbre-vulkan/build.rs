@@ -17,54 +17,44 @@ fn main() -> io::Result<()> {
     println!("cargo::rerun-if-changed=spirv");
     println!("cargo::rerun-if-changed={SHADERS}");
     let variable = |name| env::var_os(name).map(PathBuf::from).unwrap_or_default();
-    let out = variable("OUT_DIR");
-    let shaders = variable("CARGO_MANIFEST_DIR").join(SHADERS);
-    let mut texts = Vec::new();
-    list(&shaders, "", &mut texts)?;
-    texts.sort();
-    let rows: String = texts
+    let (out, home) = (variable("OUT_DIR"), variable("CARGO_MANIFEST_DIR"));
+    let (shaders, spirv) = (home.join(SHADERS), home.join("spirv"));
+    let texts: String = files(&shaders)?
         .iter()
         .map(|path| format!("    ({path:?}, include_str!({:?})),\n", shaders.join(path)))
         .collect();
-    fs::write(out.join("texts.rs"), format!("&[\n{rows}]\n"))?;
-    let mut table = String::from("&[\n");
-    for path in modules(&variable("CARGO_MANIFEST_DIR").join("spirv"))? {
-        let file = path.file_name().unwrap_or_default().to_string_lossy();
-        fs::write(out.join(&*file), deflate(&fs::read(&path)?)?)?;
+    fs::write(out.join("texts.rs"), format!("&[\n{texts}]\n"))?;
+    let mut modules = String::new();
+    for file in files(&spirv)?.iter().filter(|file| file.ends_with(".spv")) {
+        fs::write(out.join(file), deflate(&fs::read(spirv.join(file))?)?)?;
         // Writing to a string cannot fail.
         let _ = writeln!(
-            table,
+            modules,
             "    ({file:?}, include_bytes!(concat!(env!(\"OUT_DIR\"), \"/\", {file:?}))),"
         );
     }
-    table.push_str("]\n");
-    fs::write(out.join("modules.rs"), table)
+    fs::write(out.join("modules.rs"), format!("&[\n{modules}]\n"))
 }
 
-/// Adds the paths of the files below a folder, each after `prefix`, with slashes between the folders.
-fn list(folder: &Path, prefix: &str, paths: &mut Vec<String>) -> io::Result<()> {
+/// Returns the paths of the files below a folder, with slashes between the folders, sorted. Hidden
+/// files, which editors leave, are none of them.
+fn files(folder: &Path) -> io::Result<Vec<String>> {
+    let mut found = Vec::new();
     for entry in fs::read_dir(folder)? {
         let entry = entry?;
         let name = entry.file_name().to_string_lossy().into_owned();
-        let path = format!("{prefix}{name}");
         if name.starts_with('.') {
-            // A file of an editor.
-        } else if entry.file_type()?.is_dir() {
-            list(&entry.path(), &format!("{path}/"), paths)?;
+            continue;
+        }
+        if entry.file_type()?.is_dir() {
+            let inner = files(&entry.path())?;
+            found.extend(inner.iter().map(|path| format!("{name}/{path}")));
         } else {
-            paths.push(path);
+            found.push(name);
         }
     }
-    Ok(())
-}
-
-/// Returns the paths of the modules in a folder, sorted.
-fn modules(folder: &Path) -> io::Result<Vec<PathBuf>> {
-    let entries: io::Result<Vec<_>> = fs::read_dir(folder)?.collect();
-    let mut paths: Vec<PathBuf> = entries?.iter().map(fs::DirEntry::path).collect();
-    paths.retain(|path| path.extension().is_some_and(|end| end == "spv"));
-    paths.sort();
-    Ok(paths)
+    found.sort();
+    Ok(found)
 }
 
 /// Returns the raw deflate stream of bytes.

@@ -2,32 +2,15 @@
 // `the_committed_layouts_are_those_of_the_code`; do not edit.
 
 const uint NONE = 4294967295u;
-const uint DISTRIBUTION_GGX = 0u;
-const uint DISTRIBUTION_BECKMANN = 1u;
-const uint MASK_THRESHOLD = 0u;
-const uint MASK_BLEND = 1u;
-const uint WRAP_REPEAT = 0u;
-const uint WRAP_MIRROR = 1u;
-const uint WRAP_CLAMP = 2u;
 const uint CAMERA_PERSPECTIVE = 0u;
 const uint CAMERA_ORTHOGRAPHIC = 1u;
 const uint CAMERA_SPHERICAL = 2u;
-const uint FILTER_BOX = 0u;
-const uint FILTER_TENT = 1u;
-const uint FILTER_GAUSS = 2u;
-const uint FILTER_BLACKMAN_HARRIS = 3u;
-const uint FILTER_ANTIALIASING_RADIUS = 4u;
 const uint MIS_POWER = 0u;
 const uint MIS_BALANCE = 1u;
 const uint MIS_UNIFORM = 2u;
 const uint SAMPLER_INDEPENDENT = 0u;
 const uint SAMPLER_SOBOL = 1u;
 const uint SAMPLER_ZSOBOL = 2u;
-const uint DELAY_NONE = 0u;
-const uint DELAY_CONSTANT = 1u;
-const uint DELAY_EXPONENTIAL = 2u;
-const uint DELAY_EPANECHNIKOV = 3u;
-const uint DELAY_TABLE = 4u;
 const uint TIME_FILTER_NONE = 0u;
 const uint TIME_FILTER_BOX = 1u;
 const uint TIME_FILTER_GAUSS = 2u;
@@ -51,6 +34,23 @@ const uint MODEL_CONDUCTOR = 2u;
 const uint MODEL_PLASTIC = 3u;
 const uint MODEL_DIELECTRIC = 4u;
 const uint MODEL_TRANSLUCENT = 5u;
+const uint DISTRIBUTION_GGX = 0u;
+const uint DISTRIBUTION_BECKMANN = 1u;
+const uint MASK_THRESHOLD = 0u;
+const uint MASK_BLEND = 1u;
+const uint WRAP_REPEAT = 0u;
+const uint WRAP_MIRROR = 1u;
+const uint WRAP_CLAMP = 2u;
+const uint FILTER_BOX = 0u;
+const uint FILTER_TENT = 1u;
+const uint FILTER_GAUSS = 2u;
+const uint FILTER_BLACKMAN_HARRIS = 3u;
+const uint FILTER_ANTIALIASING_RADIUS = 4u;
+const uint DELAY_NONE = 0u;
+const uint DELAY_CONSTANT = 1u;
+const uint DELAY_EXPONENTIAL = 2u;
+const uint DELAY_EPANECHNIKOV = 3u;
+const uint DELAY_TABLE = 4u;
 
 // Corners of a triangle in world space, counter-clockwise seen from its front.
 struct Triangle {

@@ -109,6 +109,12 @@ const SHARING_WORDS: &[&str] = &["auto", "always", "never"];
 
 const SHARINGS: [Sharing; 3] = [Sharing::Auto, Sharing::Always, Sharing::Never];
 
+/// Returns the treatment of shared meshes with this name.
+fn sharing(name: &str) -> Option<Sharing> {
+    let at = SHARING_WORDS.iter().position(|word| *word == name)?;
+    Some(SHARINGS[at])
+}
+
 /// Schema of `accel` in the render table.
 pub const ACCEL: Table = Table {
     name: "Accel",
@@ -184,24 +190,28 @@ impl AccelSpec {
     /// Parses a table that was checked against [`ACCEL`].
     pub fn from_map(map: &BTreeMap<String, Value>) -> AccelSpec {
         let defaults = AccelSpec::default();
-        let index = |key: &str, words: &[&str]| {
-            let name = map.get(key).and_then(Value::as_str)?;
-            words.iter().position(|w| *w == name)
-        };
+        let word = |key: &str| map.get(key).and_then(Value::as_str);
         let integer = |key: &str| {
             map.get(key)
                 .and_then(Value::as_i64)
                 .and_then(|n| u32::try_from(n).ok())
         };
         AccelSpec {
-            builder: index("builder", Builder::NAMES).map_or(defaults.builder, |i| Builder::ALL[i]),
+            builder: word("builder")
+                .and_then(Builder::from_name)
+                .unwrap_or(defaults.builder),
             bins: integer("bins").unwrap_or(defaults.bins),
             max_depth: integer("max_depth").unwrap_or(defaults.max_depth),
             max_leaf: integer("max_leaf").unwrap_or(defaults.max_leaf),
-            quality: index("quality", Quality::NAMES).map_or(defaults.quality, |i| Quality::ALL[i]),
-            instances: index("instances", SHARING_WORDS)
-                .map_or(defaults.instances, |i| SHARINGS[i]),
-            lanes: index("lanes", LaneMode::NAMES).map_or(defaults.lanes, |i| LaneMode::ALL[i]),
+            quality: word("quality")
+                .and_then(Quality::from_name)
+                .unwrap_or(defaults.quality),
+            instances: word("instances")
+                .and_then(sharing)
+                .unwrap_or(defaults.instances),
+            lanes: word("lanes")
+                .and_then(LaneMode::from_name)
+                .unwrap_or(defaults.lanes),
         }
     }
 

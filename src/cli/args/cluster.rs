@@ -125,10 +125,8 @@ pub struct CancelArgs {
 
 /// Parses the value of `--affinity`.
 pub(super) fn affinity(text: &str) -> Result<Affinity, String> {
-    let known = Affinity::ALL
-        .into_iter()
-        .find(|affinity| affinity.name() == text);
-    known.ok_or_else(|| format!("expected device, model or none, found `{text}`"))
+    Affinity::from_name(text)
+        .ok_or_else(|| format!("expected device, model or none, found `{text}`"))
 }
 
 /// Checks a Slurm time limit: minutes, MM:SS, HH:MM:SS, D-HH, D-HH:MM or D-HH:MM:SS.

@@ -26,22 +26,29 @@ use crate::experiment::fixtures::{Lab, Night, Recorder, config, depths, ints, ou
 
 const CELL: CellRef = CellRef::Cell(0);
 
+/// Returns the settings of all pictures here: 64x48 pixels.
+fn picture() -> Settings {
+    Settings {
+        resolution: Some([64, 48]),
+        ..config()
+    }
+}
+
 /// Returns an experiment of 64x48 pixels with a reference of this number of samples.
 fn lab(reference: u64) -> Lab {
+    lab_with(StopRule::Samples(reference), 1)
+}
+
+/// Returns the same with a reference that ends by a rule and is rendered in parts.
+fn lab_with(stop: StopRule, shards: u32) -> Lab {
     let mut lab = Lab::new().measured();
-    let picture = || {
-        let mut config = config();
-        config.resolution = Some([64, 48]);
-        config
-    };
-    lab.render = Box::new(move |_| Ok(picture()));
+    lab.render = Box::new(|_| Ok(picture()));
     lab.reference = Box::new(move |_| {
-        let stop = StopRule::Samples(reference);
         Ok(Some(ReferenceRequest::Render {
             config: Box::new(picture()),
-            stop,
+            stop: stop.clone(),
             bias_check: None,
-            shards: 1,
+            shards,
         }))
     });
     lab
@@ -116,22 +123,8 @@ fn a_reference_of_one_sample_has_no_halves_and_no_noise_floor() {
 
 #[test]
 fn a_sharded_reference_has_all_samples_and_is_joined_once() {
-    let mut lab = lab(400);
-    let picture = || {
-        let mut config = config();
-        config.resolution = Some([64, 48]);
-        config
-    };
-    let (_, whole) = Night::default().record(&lab);
-    lab.reference = Box::new(move |_| {
-        let (config, stop) = (Box::new(picture()), StopRule::Samples(400));
-        Ok(Some(ReferenceRequest::Render {
-            config,
-            stop,
-            bias_check: None,
-            shards: 3,
-        }))
-    });
+    let (_, whole) = Night::default().record(&lab(400));
+    let lab = lab_with(StopRule::Samples(400), 3);
     assert_ne!(
         lab.plan().references[0].id.0,
         self::lab(400).plan().references[0].id.0,
@@ -217,19 +210,7 @@ impl History for UnreadableStore {
 
 #[test]
 fn stored_shards_that_cannot_be_read_fail_their_reference() {
-    let mut lab = lab(400);
-    lab.reference = Box::new(|_| {
-        let config = Box::new(Settings {
-            resolution: Some([64, 48]),
-            ..config()
-        });
-        Ok(Some(ReferenceRequest::Render {
-            config,
-            stop: StopRule::Samples(400),
-            bias_check: None,
-            shards: 4,
-        }))
-    });
+    let lab = lab_with(StopRule::Samples(400), 4);
     let plan = Arc::new(lab.plan());
     let Night {
         open,
@@ -272,20 +253,7 @@ fn stored_shards_that_cannot_be_read_fail_their_reference() {
 
 #[test]
 fn a_sharded_reference_needs_a_number_of_samples() {
-    let mut lab = lab(64);
-    lab.reference = Box::new(move |_| {
-        let config = Box::new(Settings {
-            resolution: Some([64, 48]),
-            ..config()
-        });
-        let stop = StopRule::Time(1.0);
-        Ok(Some(ReferenceRequest::Render {
-            config,
-            stop,
-            bias_check: None,
-            shards: 4,
-        }))
-    });
+    let lab = lab_with(StopRule::Time(1.0), 4);
     let error = lab.try_plan().unwrap_err().to_string();
     assert!(
         error.contains("a reference in parts needs a number of samples"),
@@ -689,19 +657,7 @@ impl History for Sums {
 fn a_reference_with_the_samples_of_a_stored_one_renders_nothing() {
     let stored = Sums::default();
     let starts = |stop: StopRule| {
-        let mut lab = lab(64);
-        lab.reference = Box::new(move |_| {
-            let config = Box::new(Settings {
-                resolution: Some([64, 48]),
-                ..config()
-            });
-            Ok(Some(ReferenceRequest::Render {
-                config,
-                stop: stop.clone(),
-                bias_check: None,
-                shards: 1,
-            }))
-        });
+        let lab = lab_with(stop, 1);
         let plan = Arc::new(lab.plan());
         let Night {
             open,

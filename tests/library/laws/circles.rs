@@ -1,29 +1,16 @@
 //! Circles of imports: files of a room that import each other, directly or through others, can only
-//! be read together. There are at most [`MOST_CIRCLES`], and none has more than [`MOST_FILES`] files.
+//! be read together. There are at most [`MOST_CIRCLES`], and none has more than [`MOST_FILES`]
+//! files.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::source::{code_only, rust_files, text};
+use super::source::{SOURCES, code_only, rust_files, text};
 
 /// Greatest number of circles in all crates.
 const MOST_CIRCLES: usize = 5;
 
 /// Greatest number of files of a circle.
 const MOST_FILES: usize = 4;
-
-/// Sources of the crates whose circles are looked for.
-const CRATES: [&str; 10] = [
-    "src",
-    "crates/lumbre-light/src",
-    "crates/lumbre-lua/src",
-    "crates/lumbre-metrics/src",
-    "crates/lumbre-night/src",
-    "crates/lumbre-render/src",
-    "crates/lumbre-report/src",
-    "crates/lumbre-scene-io/src",
-    "crates/lumbre-tui/src",
-    "crates/lumbre-vulkan/src",
-];
 
 /// Path of a module below the sources of its crate, without `mod`.
 type Module = Vec<String>;
@@ -196,7 +183,7 @@ impl Imports {
 #[test]
 fn there_are_few_circles_of_imports_and_all_are_small() {
     let (mut circles, mut count) = (BTreeSet::new(), 0);
-    for sources in CRATES {
+    for sources in SOURCES {
         let imports = Imports::read(sources);
         let reachable = imports.reachable();
         count += reachable.len();

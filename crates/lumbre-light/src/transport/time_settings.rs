@@ -265,10 +265,7 @@ fn emission(map: &BTreeMap<String, Value>, path: &str) -> Result<Profile, Schema
             .map_or(default, |x| x as f32)
     };
     let word = map.get("profile").and_then(Value::as_str).unwrap_or("none");
-    let kind = DelayKind::ALL
-        .into_iter()
-        .find(|k| k.name() == word)
-        .unwrap_or(DelayKind::None);
+    let kind = DelayKind::from_name(word).unwrap_or(DelayKind::None);
     let table = map
         .get("table")
         .and_then(Value::as_list)

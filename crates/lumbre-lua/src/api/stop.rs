@@ -109,7 +109,7 @@ pub const RULES: &[ApiFn] = &[
         }],
         returns: "StopRule",
         doc: "Stops when every pixel has exactly this many samples.",
-        call: samples,
+        call: |shared, lua, args| counted(shared, lua, args, StopRule::Samples),
     },
     ApiFn {
         name: "stop.waves",
@@ -120,7 +120,7 @@ pub const RULES: &[ApiFn] = &[
         }],
         returns: "StopRule",
         doc: "Stops after this many waves.",
-        call: waves,
+        call: |shared, lua, args| counted(shared, lua, args, StopRule::Waves),
     },
     ApiFn {
         name: "stop.when",
@@ -179,7 +179,7 @@ pub const RULES: &[ApiFn] = &[
         }],
         returns: "StopRule",
         doc: "Stops when at least this many samples were NaN or infinite.",
-        call: nan,
+        call: |shared, lua, args| counted(shared, lua, args, StopRule::Nan),
     },
     ApiFn {
         name: "stop.predicate",
@@ -266,38 +266,16 @@ fn time(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptE
     }
 }
 
-/// Returns the only argument, a count.
-fn count(shared: &Shared, args: &Args) -> Result<u64, ScriptError> {
+/// Returns the rule of the only argument, a count.
+fn counted(
+    shared: &Rc<Shared>,
+    lua: &Lua,
+    args: &Args,
+    rule: fn(u64) -> StopRule,
+) -> Result<LuaValue, ScriptError> {
     args.at_most(shared, 1)?;
-    args.integer(shared, 0, "count", 1, MAX_COUNT)
-        .map(i64::unsigned_abs)
-}
-
-fn samples(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    rule_object(
-        shared,
-        lua,
-        args,
-        Rule::Leaf(StopRule::Samples(count(shared, args)?)),
-    )
-}
-
-fn waves(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    rule_object(
-        shared,
-        lua,
-        args,
-        Rule::Leaf(StopRule::Waves(count(shared, args)?)),
-    )
-}
-
-fn nan(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    rule_object(
-        shared,
-        lua,
-        args,
-        Rule::Leaf(StopRule::Nan(count(shared, args)?)),
-    )
+    let count = args.integer(shared, 0, "count", 1, MAX_COUNT)?;
+    rule_object(shared, lua, args, Rule::Leaf(rule(count.unsigned_abs())))
 }
 
 fn when(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {

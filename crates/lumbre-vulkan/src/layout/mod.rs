@@ -2,9 +2,8 @@
 //!
 //! `gpu_structs!` generates a Rust struct and its GLSL text from one list of fields. Every field
 //! consists of 32-bit words and shaders use scalar block layout, so `#[repr(C)]` and GLSL lay it
-//! out alike; where the compiler of shaders is installed, a test compiles the text and compares each
-//! offset in the SPIR-V with the Rust one.
-//! The text is `shaders/gen/layout.glsl`.
+//! out alike; where the compiler of shaders is installed, a test compiles the text and compares
+//! each offset in the SPIR-V with the Rust one. The text is `shaders/gen/layout.glsl`.
 
 mod film;
 mod job;
@@ -12,7 +11,8 @@ mod scene;
 mod specialization;
 mod subpaths;
 
-use lumbre_light::scene::compile::Model;
+use lumbre_light::scene::compile::{DelayKind, Distribution, MaskMode, Model, Wrap};
+use lumbre_light::transport::camera::FilterKind;
 use lumbre_render::path_trace::MAX_PATH_EVENTS;
 
 pub use film::{
@@ -144,35 +144,29 @@ pub enum ListStep {
     Vertices,
 }
 
-/// Constants that both sides refer to by name, besides the models of materials.
+/// Enums whose values shaders know by number: the beginning of their constants, and the names of
+/// the values, in their order.
+const NAMED: &[(&str, &[&str])] = &[
+    ("MODEL", Model::NAMES),
+    ("DISTRIBUTION", Distribution::NAMES),
+    ("MASK", MaskMode::NAMES),
+    ("WRAP", Wrap::NAMES),
+    ("FILTER", FilterKind::NAMES),
+    ("DELAY", DelayKind::NAMES),
+];
+
+/// Further constants that both sides refer to by name.
 pub const CONSTANTS: &[(&str, u32)] = &[
     ("NONE", u32::MAX),
-    ("DISTRIBUTION_GGX", 0),
-    ("DISTRIBUTION_BECKMANN", 1),
-    ("MASK_THRESHOLD", 0),
-    ("MASK_BLEND", 1),
-    ("WRAP_REPEAT", 0),
-    ("WRAP_MIRROR", 1),
-    ("WRAP_CLAMP", 2),
     ("CAMERA_PERSPECTIVE", 0),
     ("CAMERA_ORTHOGRAPHIC", 1),
     ("CAMERA_SPHERICAL", 2),
-    ("FILTER_BOX", 0),
-    ("FILTER_TENT", 1),
-    ("FILTER_GAUSS", 2),
-    ("FILTER_BLACKMAN_HARRIS", 3),
-    ("FILTER_ANTIALIASING_RADIUS", 4),
     ("MIS_POWER", 0),
     ("MIS_BALANCE", 1),
     ("MIS_UNIFORM", 2),
     ("SAMPLER_INDEPENDENT", 0),
     ("SAMPLER_SOBOL", 1),
     ("SAMPLER_ZSOBOL", 2),
-    ("DELAY_NONE", 0),
-    ("DELAY_CONSTANT", 1),
-    ("DELAY_EXPONENTIAL", 2),
-    ("DELAY_EPANECHNIKOV", 3),
-    ("DELAY_TABLE", 4),
     ("TIME_FILTER_NONE", 0),
     ("TIME_FILTER_BOX", 1),
     ("TIME_FILTER_GAUSS", 2),
@@ -201,9 +195,11 @@ pub fn glsl() -> String {
     for (name, value) in CONSTANTS {
         text.push_str(&format!("const uint {name} = {value}u;\n"));
     }
-    for model in Model::ALL {
-        let name = model.name().to_uppercase();
-        text.push_str(&format!("const uint MODEL_{name} = {}u;\n", model as u32));
+    for (prefix, names) in NAMED {
+        for (value, name) in names.iter().enumerate() {
+            let name = name.to_uppercase();
+            text.push_str(&format!("const uint {prefix}_{name} = {value}u;\n"));
+        }
     }
     for s in structs() {
         text.push_str(&format!("\n//{}\nstruct {} {{\n", s.doc, s.name));

@@ -8,7 +8,7 @@ use lumbre_light::film::layer::{Layer, LayerLayout};
 use lumbre_light::film::time::TimeFilter;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::NONE;
-use lumbre_light::transport::camera::{Camera, FilterKind};
+use lumbre_light::transport::camera::Camera;
 use lumbre_light::transport::integrator::Settings;
 use lumbre_light::transport::light::Lights;
 use lumbre_light::transport::mis::Heuristic;
@@ -51,13 +51,7 @@ fn camera_params(scene: &CompiledScene, job: &lumbre_render::Job) -> layout::Job
         resolution: job.resolution,
         lens_radius: camera.lens_radius,
         focus_distance: camera.focus_distance,
-        filter_kind: match job.settings.filter.kind {
-            FilterKind::Box => 0,
-            FilterKind::Tent => 1,
-            FilterKind::Gauss => 2,
-            FilterKind::BlackmanHarris => 3,
-            FilterKind::AntialiasingRadius => 4,
-        },
+        filter_kind: job.settings.filter.kind as u32,
         filter_radius: job.settings.filter.radius,
         max_depth: job.max_depth,
         rr_start: job.settings.rr_start.unwrap_or(NONE),

@@ -18,7 +18,7 @@ use crate::layout::{EnvironmentRow, LightChoice};
 use crate::pipelines::compute::BoundResource;
 use lumbre_light::film::layer::LayerLayout;
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::scene::compile::{self, MaskMode, Model, NONE};
+use lumbre_light::scene::compile::{self, Model, NONE};
 use lumbre_light::scene::desc::TextureFilter;
 use lumbre_light::transport::light::{LightSelection, Lights};
 
@@ -300,10 +300,7 @@ fn material(m: &compile::Material) -> layout::Material {
         normal_strength: m.normal_strength,
         bump_height: m.bump_height,
         mask_threshold: m.mask_threshold,
-        mask_mode: match m.mask_mode {
-            MaskMode::Threshold => 0,
-            MaskMode::Blend => 1,
-        },
+        mask_mode: m.mask_mode as u32,
         shadow_terminator: m.shadow_terminator.into(),
         base_color_texture: m.base_color_texture,
         emission_texture: m.emission_texture,

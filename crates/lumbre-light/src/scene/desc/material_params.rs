@@ -112,8 +112,8 @@ fn item(v: &Value, i: usize) -> f32 {
 /// Smallest accepted index of refraction: smaller ones yield no useful image.
 pub const MIN_IOR: f64 = 0.01;
 
-/// Every material parameter. Defaults are those of [`MaterialDesc::new`](super::MaterialDesc::new). The order is part of the
-/// content hash.
+/// Every material parameter. Defaults are those of [`MaterialDesc::new`](super::MaterialDesc::new).
+/// The order is part of the content hash.
 pub const MATERIAL_PARAMS: &[MaterialParam] = &{
     const LATER: usize = SURFACE.len() + DELAY_PARAMS.len();
     let mut params = [BUMP_HEIGHT; LATER + 5];

@@ -29,8 +29,8 @@ macro_rules! integrators {
         /// All built-in integrators. [`integrators`] has registered ones too.
         pub const INTEGRATORS: &[IntegratorRow] = &[$($module::ROW,)* $($joined::ROW),*];
 
-        /// Calls a visitor with the technique of the integrator with this name; returns `None` if it has no generic
-        /// steps.
+        /// Calls a visitor with the technique of the integrator with this name; returns `None` if
+        /// it has no generic steps.
         pub fn visit_technique<V: TechniqueVisitor>(
             name: &str,
             visitor: V,

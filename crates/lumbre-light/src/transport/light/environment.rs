@@ -245,6 +245,21 @@ fn cell_means(texture: &Texture, factor: Vec3) -> Vec<f64> {
 mod tests {
     use super::*;
 
+    /// Returns the light of a map of one row, whose texels have these values.
+    fn of_columns(columns: [f32; 4]) -> EnvironmentLight {
+        EnvironmentLight::new(&Environment {
+            map: Some(Arc::new(Texture::new(
+                4,
+                1,
+                columns.map(|x| [x; 3]).to_vec(),
+            ))),
+            radiance: Vec3::ONE,
+            rotation_rad: 0.0,
+            sampling: EnvironmentSampling::default(),
+        })
+        .unwrap()
+    }
+
     /// Returns the direction at a fraction of the width of a map, on the horizon.
     fn horizon(u: f32) -> Vec3 {
         let (sin, cos) = (TAU * u).sin_cos();
@@ -253,15 +268,7 @@ mod tests {
 
     #[test]
     fn radiance_is_interpolated_across_the_seam() {
-        let columns = [1.0f32, 5.0, 2.0, 9.0];
-        let texels = columns.map(|x| [x; 3]).to_vec();
-        let environment = EnvironmentLight::new(&Environment {
-            map: Some(Arc::new(Texture::new(4, 1, texels))),
-            radiance: Vec3::ONE,
-            rotation_rad: 0.0,
-            sampling: EnvironmentSampling::default(),
-        })
-        .unwrap();
+        let environment = of_columns([1.0, 5.0, 2.0, 9.0]);
         // Fractions of the width: the centre of texel k is at (k + 1/2) / 4.
         for (u, expected) in [
             (0.125, 1.0),
@@ -283,14 +290,7 @@ mod tests {
     #[test]
     fn directions_across_the_seam_are_sampled() {
         for lit in [0, 3] {
-            let texels = (0..4).map(|x| [f32::from(u8::from(x == lit)); 3]).collect();
-            let environment = EnvironmentLight::new(&Environment {
-                map: Some(Arc::new(Texture::new(4, 1, texels))),
-                radiance: Vec3::ONE,
-                rotation_rad: 0.0,
-                sampling: EnvironmentSampling::default(),
-            })
-            .unwrap();
+            let environment = of_columns([0, 1, 2, 3].map(|x| f32::from(u8::from(x == lit))));
             for u in [0.01, 0.99] {
                 let radiance = environment.radiance::<f32, 1>(horizon(u), true).x;
                 let density = environment.pdf_w::<f32, 1>(horizon(u), true);

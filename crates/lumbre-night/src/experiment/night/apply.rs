@@ -76,15 +76,16 @@ impl Night {
     pub fn again(&self) -> Night {
         let mut next = self.clone();
         for cell in self.all() {
-            match self.outcome(cell) {
-                Some(Outcome::Done(_)) => {
+            match self.state(cell) {
+                Some(RunState::Ended(Outcome::Done(_))) => {
                     let folder = match cell {
                         CellRef::Cell(i) => self.runs[i].folder.clone(),
                         CellRef::Reference(i) => self.references[i].folder.clone(),
                     };
                     next.set(cell, RunState::Ended(Outcome::Cached(folder)), None);
                 }
-                Some(Outcome::Cached(_)) => {}
+                // Whatever waits has no measurements, and need not be copied.
+                Some(RunState::Ended(Outcome::Cached(_)) | RunState::Pending) => {}
                 _ => next.set(cell, RunState::Pending, Some(Arc::default())),
             }
         }

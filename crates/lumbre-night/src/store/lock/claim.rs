@@ -462,23 +462,24 @@ mod tests {
         }
     }
 
+    /// Lets all ask for a folder at the same time, and returns how many were granted it.
+    fn winners(all: &[Claims], folder: &Path) -> usize {
+        std::thread::scope(|scope| {
+            let tries: Vec<_> = all
+                .iter()
+                .map(|claims| scope.spawn(|| claims.acquire(folder).unwrap() == Claim::Granted))
+                .collect();
+            let granted = tries.into_iter().map(|t| t.join().unwrap());
+            granted.filter(|is_granted| *is_granted).count()
+        })
+    }
+
     #[test]
     fn exactly_one_of_many_processes_gets_the_claim() {
         let dir = tempfile::tempdir().unwrap();
         for _ in 0..20 {
             let all: Vec<Claims> = (0..6).map(|_| Claims::new()).collect();
-            let winners = std::thread::scope(|scope| {
-                let tries: Vec<_> = all
-                    .iter()
-                    .map(|claims| {
-                        scope.spawn(|| {
-                            u32::from(claims.acquire(dir.path()).unwrap() == Claim::Granted)
-                        })
-                    })
-                    .collect();
-                tries.into_iter().map(|t| t.join().unwrap()).sum::<u32>()
-            });
-            assert_eq!(winners, 1);
+            assert_eq!(winners(&all, dir.path()), 1);
             all.iter().for_each(|claims| claims.release(dir.path()));
         }
     }
@@ -514,18 +515,11 @@ mod tests {
         for _ in 0..20 {
             grow_old(&path);
             let all: Vec<Claims> = (0..6).map(|_| Claims::with_locks(false)).collect();
-            let winners = std::thread::scope(|scope| {
-                let tries: Vec<_> = all
-                    .iter()
-                    .map(|claims| {
-                        scope.spawn(|| {
-                            u32::from(claims.acquire(dir.path()).unwrap() == Claim::Granted)
-                        })
-                    })
-                    .collect();
-                tries.into_iter().map(|t| t.join().unwrap()).sum::<u32>()
-            });
-            assert_eq!(winners, 1, "of six that find the lease ended");
+            assert_eq!(
+                winners(&all, dir.path()),
+                1,
+                "of six that find the lease ended"
+            );
             assert_eq!(
                 all.iter().filter(|claims| claims.holds(dir.path())).count(),
                 1

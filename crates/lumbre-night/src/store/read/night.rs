@@ -22,9 +22,10 @@ use crate::store::{Store, StoreError};
 use lumbre_metrics::MetricSpec;
 use lumbre_render::device::devices_line;
 
-/// Reads a night from its folder, without runs that duplicate others for the A/A check. References are read from the folder `refs` beside it, and runs
-/// that an earlier night of the same name finished from that night's folder. Runs and references
-/// that do not match their checksums are left out, and `evidence` has the problems.
+/// Reads a night from its folder, without runs that duplicate others for the A/A check. References
+/// are read from the folder `refs` beside it, and runs that an earlier night of the same name
+/// finished from that night's folder. Runs and references that do not match their checksums are
+/// left out, and `evidence` has the problems.
 ///
 /// # Errors
 /// When the folder holds no plan, or another version of the program wrote it. Everything else that

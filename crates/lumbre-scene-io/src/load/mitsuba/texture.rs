@@ -285,8 +285,7 @@ fn wrap_mode(
     let Some(mode) = o.text(key)? else {
         return Ok(default);
     };
-    let known = Wrap::ALL.into_iter().find(|wrap| wrap.name() == mode);
-    Ok(known.unwrap_or_else(|| {
+    Ok(Wrap::from_name(mode).unwrap_or_else(|| {
         notes.push(o.note(format!(
             "`{key}` must be `repeat`, `mirror` or `clamp`; `repeat` is used"
         )));

@@ -129,20 +129,6 @@ enum Keyboard {
     None,
 }
 
-/// Result of waiting for a key.
-enum Waited {
-    /// There is input.
-    Input,
-    /// There was none in this time.
-    #[cfg_attr(
-        windows,
-        expect(dead_code, reason = "crossterm waits for keys on Windows")
-    )]
-    TimedOut,
-    /// The system cannot wait here; crossterm can.
-    Unknown,
-}
-
 impl InputEvents {
     /// Creates the source for the terminal of this process.
     pub fn new() -> InputEvents {
@@ -165,9 +151,9 @@ impl InputEvents {
         let size = terminal::size()?;
         // crossterm would lose a key that comes before it has noticed a change of the size.
         let mut left = match waited {
-            Waited::Unknown => Some(wait),
-            Waited::TimedOut if self.size.get() == size => None,
-            Waited::TimedOut | Waited::Input => Some(Duration::ZERO),
+            None => Some(wait),
+            Some(false) if self.size.get() == size => None,
+            Some(_) => Some(Duration::ZERO),
         };
         while let Some(wait) = left
             && event::poll(wait)?
@@ -186,12 +172,13 @@ impl InputEvents {
 }
 
 impl Keyboard {
-    /// Waits for a key, at most as long as `wait`.
+    /// Waits for a key, at most as long as `wait`. Returns whether there is one, or `None` if the
+    /// system cannot wait here; crossterm can.
     ///
     /// # Errors
     /// If the terminal has hung up.
     #[cfg(unix)]
-    fn wait(&self, wait: Duration) -> io::Result<Waited> {
+    fn wait(&self, wait: Duration) -> io::Result<Option<bool>> {
         use rustix::event::{PollFd, PollFlags, Timespec, poll};
         use std::os::fd::AsFd;
 
@@ -214,16 +201,15 @@ impl Keyboard {
         }
         Ok(match state {
             // macOS cannot poll terminals.
-            _ if state.contains(PollFlags::NVAL) => Waited::Unknown,
-            _ if state.contains(PollFlags::IN) => Waited::Input,
-            _ => Waited::TimedOut,
+            _ if state.contains(PollFlags::NVAL) => None,
+            _ => Some(state.contains(PollFlags::IN)),
         })
     }
 
     /// Does not wait, since crossterm waits for keys on Windows.
     #[cfg(windows)]
-    fn wait(&self, _wait: Duration) -> io::Result<Waited> {
-        Ok(Waited::Unknown)
+    fn wait(&self, _wait: Duration) -> io::Result<Option<bool>> {
+        Ok(None)
     }
 }
 
