@@ -1,6 +1,7 @@
 //! `lumbre render`: one picture without a script.
 
-use std::time::Duration;
+use std::io::{BufRead, BufReader};
+use std::process::Stdio;
 
 use lumbre_light::film::Image;
 use lumbre_report::exr;
@@ -128,11 +129,13 @@ fn mistakes_are_reported_before_anything_renders() {
 fn an_interrupted_picture_is_written_with_the_samples_so_far() {
     let place = Workplace::new();
     let args = [
-        "render", "ball.scn", "--size", "24x16", "--time", "1h", "-q", "-o", "a.exr",
+        "render", "ball.scn", "--size", "24x16", "--time", "1h", "-o", "a.exr",
     ];
-    let mut child = place.command(&args).spawn().unwrap();
-    // Signals are handled from the start, and one wave is always rendered.
-    std::thread::sleep(Duration::from_secs(1));
+    let mut command = place.command(&args);
+    let mut child = command.stderr(Stdio::piped()).spawn().unwrap();
+    // Signals are handled before the first line on the progress.
+    let mut messages = BufReader::new(child.stderr.take().unwrap());
+    messages.read_line(&mut String::new()).unwrap();
     let kill = crate::common::kill()
         .args(["-INT", &child.id().to_string()])
         .status();

@@ -82,7 +82,7 @@ pub fn cell_name(night: &Night, cell: CellRef) -> String {
                 .filter(|(axis, _)| differs(*axis))
                 .map(|(_, (name, value))| format!("{name}={value}"))
                 .collect();
-            if night.is_repeated() {
+            if night.plan.is_repeated {
                 parts.push(format!("rep={}", run.repeat));
             }
             if parts.is_empty() {

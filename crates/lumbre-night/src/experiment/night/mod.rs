@@ -39,6 +39,8 @@ pub struct NightPlan {
     pub axes: Vec<String>,
     /// Whether cells differ in each axis, in the same order.
     pub varying: Vec<bool>,
+    /// Whether any point is rendered more than once.
+    pub is_repeated: bool,
     /// Metrics with their definitions, in the order of [`WaveRow::metrics`].
     pub metrics: Vec<MetricSpec>,
     /// Tone map of displayed pictures.
@@ -59,6 +61,7 @@ impl Default for NightPlan {
             seed: 0,
             axes: Vec::new(),
             varying: Vec::new(),
+            is_repeated: false,
             metrics: Vec::new(),
             display: Tonemap::Srgb { exposure: 0.0 },
             report: Presentation::default(),
@@ -106,11 +109,6 @@ pub struct Night {
 }
 
 impl Night {
-    /// Returns whether any point is rendered more than once.
-    pub fn is_repeated(&self) -> bool {
-        self.runs.iter().any(|run| run.repeat > 0)
-    }
-
     /// Returns all references, then all cells.
     pub fn all(&self) -> impl Iterator<Item = CellRef> + use<> {
         let (references, runs) = (self.references.len(), self.runs.len());

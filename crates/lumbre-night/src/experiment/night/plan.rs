@@ -68,18 +68,18 @@ impl Night {
             hash: plan.hash.clone(),
             seed: plan.seed,
             axes: plan.axes.clone(),
-            varying: Vec::new(),
             metrics: plan.measure.metrics.clone(),
             display: plan.measure.display,
             report: plan.report.clone(),
             order: plan.night.order.name().to_owned(),
             skipped: plan.skipped.len(),
+            ..NightPlan::default()
         };
         Night::new(facts, runs.collect(), references.collect())
     }
 
-    /// Returns a night of which nothing has been rendered. Fills in which axes vary, and the axis
-    /// values that distinguish each reference from the others: those that all cells measured
+    /// Returns a night of which nothing has been rendered. Fills in which axes vary, whether there
+    /// are repeats, and the axis values that distinguish each reference from the others: those that all cells measured
     /// against it share, of axes in which references differ.
     pub fn new(
         mut plan: NightPlan,
@@ -87,6 +87,7 @@ impl Night {
         mut references: Vec<ReferencePlan>,
     ) -> Night {
         plan.varying = varying(plan.axes.len(), &runs);
+        plan.is_repeated = runs.iter().any(|run| run.repeat > 0);
         let values = distinctions(&plan.axes, &runs, references.len());
         for (reference, values) in references.iter_mut().zip(values) {
             reference.values = values;

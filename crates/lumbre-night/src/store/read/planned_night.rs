@@ -65,12 +65,12 @@ pub(crate) fn planned_night(files: &NightReader) -> Night {
         hash: plan.hash.clone(),
         seed: plan.seed,
         axes: plan.axes.clone(),
-        varying: Vec::new(),
         metrics,
         display: display.unwrap_or(defaults.display),
         report: plan.report.as_ref().map(presentation).unwrap_or_default(),
         order: plan.night.order.clone(),
         skipped: plan.skipped.len(),
+        ..defaults
     };
     let runs = plan.cells.iter().map(run).collect();
     let mut night = Night::new(facts, runs, plan.references.iter().map(reference).collect());

@@ -35,7 +35,7 @@ pub fn columns(night: &Night) -> Vec<Column> {
             columns.push(Column::new(axis, values.collect(), numeric));
         }
     }
-    if night.is_repeated() {
+    if night.plan.is_repeated {
         columns.push(Column::new(
             "rep",
             night

@@ -22,7 +22,7 @@ impl Comparison {
     /// Chooses the column: the axis whose values are techniques, or else the last axis that varies.
     /// Returns `None` if no axis varies.
     pub fn new(night: &Night, columns: &[Column]) -> Option<Comparison> {
-        let axes = columns.len() - usize::from(night.is_repeated() && !columns.is_empty());
+        let axes = columns.len() - usize::from(night.plan.is_repeated && !columns.is_empty());
         let is_technique = |value: &String| {
             value.starts_with(external::PREFIX)
                 || integrators().any(|row| row.name == canonical_name(value))
