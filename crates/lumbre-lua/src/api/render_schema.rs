@@ -21,10 +21,11 @@ const FIELDS: [Field; SETTINGS.len()] = {
     let mut i = 0;
     while i < fields.len() {
         fields[i] = SETTINGS[i].field;
+        if matches!(fields[i].key.as_bytes(), b"backend") {
+            fields[i].ty = Ty::Word(&BACKEND_NAMES);
+        }
         i += 1;
     }
-    // The last is `backend`.
-    fields[fields.len() - 1].ty = Ty::Word(&BACKEND_NAMES);
     fields
 };
 

@@ -113,7 +113,7 @@ fn item(v: &Value, i: usize) -> f32 {
 pub const MIN_IOR: f64 = 0.01;
 
 /// Every material parameter. Defaults are those of [`MaterialDesc::new`](super::MaterialDesc::new).
-/// The order is part of the content hash.
+/// The order is part of the content hash, so a new one follows the last.
 pub const MATERIAL_PARAMS: &[MaterialParam] = &{
     const LATER: usize = SURFACE.len() + DELAY_PARAMS.len();
     let mut params = [BUMP_HEIGHT; LATER + 5];
@@ -154,7 +154,7 @@ const ONE_SIDED: MaterialParam = flag!(
      `twosided`. Refraction is not affected."
 );
 
-/// Parameter of all textures of a material. New parameters follow here, each after the last one.
+/// Parameter of all textures of a material.
 const TEXTURE_FILTER: MaterialParam = choice!(
     texture_filter,
     FilterChoice,

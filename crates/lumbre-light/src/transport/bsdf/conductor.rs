@@ -3,8 +3,11 @@
 use glam::Vec3;
 
 use super::facets::{Facets, mirrored};
-use super::interface_outgoing::InterfaceOutgoing;
-use super::{LobeSample, MixtureSample};
+use super::interface::Interface;
+use super::lobe::{LobeSample, MixtureSample, TransportMode};
+use super::material::{BsdfClass, MaterialConstants};
+use super::numbers::Numbers;
+use super::outgoing::InterfaceOutgoing;
 use crate::math::real::{Mask, Real, Vector};
 
 /// A metal at a point of a surface, scalar or vectorised.
@@ -56,10 +59,55 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Conductor<V> {
             reflectance(cos, eta.z(), k.z()),
         ) * self.tint
     }
+}
 
-    /// Returns the value and the densities of both directions, for `i` on the side of `out.o`.
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Interface<R> for Conductor<V> {
+    const OPAQUE: bool = true;
+
     #[inline(always)]
-    pub fn evaluate(&self, out: &InterfaceOutgoing<V>, i: V) -> (V, [R; 2]) {
+    fn with_facets(
+        _: &BsdfClass,
+        m: &MaterialConstants<V>,
+        base_color: V,
+        facets: Facets<R>,
+    ) -> Conductor<V> {
+        Conductor {
+            tint: base_color * m.specular,
+            eta: m.eta,
+            k: m.k,
+            facets,
+        }
+    }
+
+    fn body_numbers(&self) -> Vec<R> {
+        [self.tint, self.eta, self.k]
+            .map(Numbers::<R>::of_vector)
+            .concat()
+    }
+
+    #[inline(always)]
+    fn load_body(_: &BsdfClass, n: &Numbers<R>, facets: Facets<R>) -> Conductor<V> {
+        Conductor {
+            tint: n.vector(2),
+            eta: n.vector(5),
+            k: n.vector(8),
+            facets,
+        }
+    }
+
+    #[inline(always)]
+    fn facets(&self) -> &Facets<R> {
+        &self.facets
+    }
+
+    #[inline(always)]
+    fn evaluate<const REVERSE: bool>(
+        &self,
+        out: &InterfaceOutgoing<V>,
+        _: V,
+        i: V,
+        _: TransportMode,
+    ) -> (V, [R; 2]) {
         let (o, zero) = (out.o, R::splat(0.0));
         let black = V::splat(zero);
         let some = o.z().gt(zero) & i.z().gt(zero) & !self.facets.smooth;
@@ -79,10 +127,14 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Conductor<V> {
         )
     }
 
-    /// Samples a reflected direction for `out.o` on the upper side, with its reverse density. The
-    /// mask is set where there is one.
     #[inline(always)]
-    pub fn sample(&self, out: &InterfaceOutgoing<V>, v: [R; 2]) -> (R::Mask, MixtureSample<V>, R) {
+    fn sample(
+        &self,
+        out: &InterfaceOutgoing<V>,
+        _: R,
+        v: [R; 2],
+        _: TransportMode,
+    ) -> (R::Mask, MixtureSample<V>, Option<R>) {
         let (o, smooth) = (out.o, self.facets.smooth);
         let (zero, one) = (R::splat(0.0), R::splat(1.0));
         let (mut valid, mut sample, mut reverse) = (smooth, MixtureSample::black(), zero);
@@ -103,7 +155,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Conductor<V> {
             let up = wi.z().gt(zero) & o.dot(h).gt(zero);
             // Use the half vector of both directions: for narrow lobes the sampled normal has
             // digits that `wi` cannot represent.
-            let (f, [pdf_w, back]) = self.evaluate(out, wi);
+            let (f, [pdf_w, back]) = self.evaluate::<true>(out, wi, wi, TransportMode::Radiance);
             let weight = f * (wi.z() / pdf_w);
             let s = LobeSample {
                 wi,
@@ -115,7 +167,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Conductor<V> {
             sample = MixtureSample::select(rough, s, sample);
             reverse = R::select(rough, back, zero);
         }
-        (valid, sample, reverse)
+        (valid, sample, Some(reverse))
     }
 }
 

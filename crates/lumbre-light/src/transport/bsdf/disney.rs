@@ -20,10 +20,14 @@ use super::diffuse::Diffuse;
 use super::fresnel;
 use super::ggx::{Ggx, HalfVector};
 use super::glass::Refraction;
-use super::lobe::flipped;
-use super::{MixtureSample, TransportMode};
+use super::lobe::{MixtureSample, TransportMode, flipped};
+use super::local::{LocalBsdf, Traits};
+use super::material::{BsdfClass, MaterialConstants};
+use super::numbers::{Numbers, Packed, PackedClass};
+use super::outgoing::{DisneyOutgoing, InterfaceOutgoing, LobeProbabilities, Outgoing};
 use crate::math::real::{Mask, Real, Vector};
 use crate::math::{Frame, warp};
+use crate::transport::surface::ShadingParameters;
 
 /// A refractive interface bends rays by about `|ior - 1| alpha`. Below this many radians the half
 /// vector of a refraction has no significant digits in single precision, and the interface is
@@ -61,30 +65,6 @@ pub struct Disney<V: Vector = Vec3> {
     pub estimate: LobeEstimate<V::Scalar>,
 }
 
-/// Sampling probabilities of the lobes; all zero if nothing is reflected.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct LobeProbabilities<R = f32> {
-    diffuse: R,
-    reflection: R,
-    glass: R,
-    coat: R,
-}
-
-/// Quantities of the BSDF that depend on `wo` alone, computed once for all directions that are
-/// combined with it.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct DisneyOutgoing<V: Vector = Vec3> {
-    /// The direction `wo` in the local frame, mirrored to the upper side.
-    o: V,
-    /// Whether `wo` was mirrored.
-    below: <V::Scalar as Real>::Mask,
-    /// Index of the lower side relative to the upper one, as seen from `o`.
-    eta: V::Scalar,
-    choice: LobeProbabilities<V::Scalar>,
-    /// Masking of `o` over its cosine.
-    masking: V::Scalar,
-}
-
 /// The geometry of two directions on the upper side that reflection between them depends on.
 struct DirectionPair<R> {
     /// Cosines of `o` and `i` with the normal.
@@ -115,20 +95,6 @@ pub fn f0_of<R: Real>(ior: R) -> R {
     let one = R::splat(1.0);
     let r = (ior - one) / (ior + one);
     r * r
-}
-
-impl<R: Real> LobeProbabilities<R> {
-    /// Returns probabilities of zero: nothing is reflected.
-    #[inline(always)]
-    fn none() -> LobeProbabilities<R> {
-        let zero = R::splat(0.0);
-        LobeProbabilities {
-            diffuse: zero,
-            reflection: zero,
-            glass: zero,
-            coat: zero,
-        }
-    }
 }
 
 impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
@@ -488,31 +454,138 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
     }
 }
 
-impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> DisneyOutgoing<V> {
-    /// Returns a placeholder for surfaces of another model.
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> LocalBsdf<R> for Disney<V> {
     #[inline(always)]
-    pub fn none() -> DisneyOutgoing<V> {
-        let zero = R::splat(0.0);
-        DisneyOutgoing {
-            o: V::splat(zero),
-            below: R::Mask::splat(false),
-            eta: zero,
-            choice: LobeProbabilities::none(),
-            masking: zero,
+    fn new(class: &BsdfClass, m: &MaterialConstants<V>, p: &ShadingParameters<R>) -> Disney<V> {
+        Disney::with_weights(class, m, p.base_color, p.roughness, p.mix())
+    }
+
+    fn packed(&self) -> Packed<R> {
+        let LobeEstimate {
+            diffuse,
+            reflection,
+            rise,
+        } = self.estimate;
+        let black = V::broadcast(Vec3::ZERO);
+        let tinted_f0 = self.tinted_f0.unwrap_or(black);
+        let [color, sheen, f0] =
+            [self.base_color, self.diffuse.sheen, tinted_f0].map(Numbers::<R>::of_vector);
+        let some = |weight: R| weight.gt(R::splat(0.0)).any();
+        let [x, y] = self.ggx.alpha;
+        Packed {
+            numbers: Numbers::of(&[
+                &color,
+                &[self.opaque, self.metallic, self.refractive],
+                &[self.ior, self.diffuse.roughness, self.diffuse.subsurface],
+                &sheen,
+                &self.ggx.alpha,
+                &f0,
+                &[self.coat.strength, self.coat.alpha, self.coat.ln_alpha2],
+                &[diffuse, reflection, rise],
+            ]),
+            smooth: self.smooth.any(),
+            lobes: [
+                some(self.opaque),
+                some(self.metallic),
+                some(self.refractive),
+                some(self.coat.strength),
+                some(self.diffuse.subsurface),
+                (!self.diffuse.sheen.same(black)).any(),
+                self.smooth_glass().any(),
+            ],
+            anisotropic: (!x.eq(y)).any(),
         }
     }
 
-    /// Returns `wo` in the local frame.
     #[inline(always)]
-    fn wo(&self) -> V {
-        V::select(self.below, flipped(self.o), self.o)
+    fn load(class: &PackedClass, n: &Numbers<R>) -> Disney<V> {
+        let base_color = n.vector(0);
+        let BsdfClass {
+            anisotropic,
+            tinted,
+            one_sided,
+            ..
+        } = class.bsdf;
+        Disney {
+            base_color,
+            opaque: n.get(3),
+            metallic: n.get(4),
+            refractive: n.get(5),
+            ior: n.get(6),
+            diffuse: Diffuse {
+                base_color,
+                roughness: n.get(7),
+                subsurface: n.get(8),
+                sheen: n.vector(9),
+            },
+            ggx: Ggx {
+                alpha: [n.get(12), n.get(if anisotropic { 13 } else { 12 })],
+            },
+            anisotropic,
+            one_sided,
+            smooth: R::Mask::splat(class.smooth),
+            tinted_f0: tinted.then(|| n.vector(14)),
+            coat: Clearcoat {
+                strength: n.get(17),
+                alpha: n.get(18),
+                ln_alpha2: n.get(19),
+            },
+            estimate: LobeEstimate {
+                diffuse: n.get(20),
+                reflection: n.get(21),
+                rise: n.get(22),
+            },
+        }
     }
 
-    /// Mirrors a direction sampled for `o` back to the side of `wo`.
     #[inline(always)]
-    fn onto_side_of_wo(&self, mut s: MixtureSample<V>) -> MixtureSample<V> {
-        s.sample.wi = V::select(self.below, flipped(s.sample.wi), s.sample.wi);
-        s
+    fn outgoing(&self, wo: V) -> (DisneyOutgoing<V>, InterfaceOutgoing<V>) {
+        (Disney::outgoing(self, wo), InterfaceOutgoing::none())
+    }
+
+    #[inline(always)]
+    fn value(&self, wo: V, wi: V, mode: TransportMode) -> (V, R) {
+        let (f, [pdf_w, _]) =
+            Disney::evaluate::<false>(self, &Disney::outgoing(self, wo), wi, mode);
+        (f, pdf_w)
+    }
+
+    #[inline(always)]
+    fn evaluate<const REVERSE: bool>(
+        &self,
+        frame: &Frame<V>,
+        out: &Outgoing<R>,
+        (wi, cos_i): (V, R),
+        mode: TransportMode,
+        wanted: R::Mask,
+    ) -> (V, [R; 2]) {
+        let directions = [out.wo, wi];
+        self.evaluate_in::<REVERSE>(frame, &out.disney, directions, cos_i, mode, wanted)
+    }
+
+    #[inline(always)]
+    fn sample<const REVERSE: bool>(
+        &self,
+        out: &Outgoing<R>,
+        u: R,
+        v: [R; 2],
+        mode: TransportMode,
+    ) -> (R::Mask, MixtureSample<V>, R) {
+        Disney::sample::<REVERSE>(self, &out.disney, u, v, mode)
+    }
+
+    #[inline(always)]
+    fn traits(&self) -> Traits<R> {
+        let zero = R::splat(0.0);
+        let (opaque, metallic) = (self.opaque.gt(zero), self.metallic.gt(zero));
+        let refractive = self.refractive.gt(zero);
+        Traits {
+            has_density: self.has_density(),
+            has_dirac_lobe: self.smooth & (opaque | metallic) | refractive & self.smooth_glass(),
+            transmits: refractive,
+            index_inside: self.ior,
+            front_only: false,
+        }
     }
 }
 

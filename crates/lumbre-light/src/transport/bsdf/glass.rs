@@ -4,7 +4,10 @@
 use glam::Vec3;
 
 use super::facets::{Facets, mirrored};
-use super::interface_outgoing::InterfaceOutgoing;
+use super::interface::{self, Interface};
+use super::material::{BsdfClass, MaterialConstants};
+use super::numbers::Numbers;
+use super::outgoing::InterfaceOutgoing;
 use super::{LobeSample, MixtureSample, TransportMode, dielectric, fresnel};
 use crate::math::real::{Mask, Real, Vector};
 
@@ -32,7 +35,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Glass<V> {
 
     /// Returns value and density of `i` given `out.o`, for `out.o` on the upper side.
     #[inline(always)]
-    pub fn density(&self, out: &InterfaceOutgoing<V>, i: V, mode: TransportMode) -> (V, R) {
+    fn density(&self, out: &InterfaceOutgoing<V>, i: V, mode: TransportMode) -> (V, R) {
         let (o, eta, zero) = (out.o, out.eta, R::splat(0.0));
         let some = o.z().gt(zero) & !self.facets.smooth;
         let (up, down) = (some & i.z().gt(zero), some & i.z().lt(zero));
@@ -59,7 +62,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Glass<V> {
 
     /// Samples a direction for `out.o` on the upper side; the mask is set where there is one.
     #[inline(always)]
-    pub fn sample(
+    fn sample(
         &self,
         out: &InterfaceOutgoing<V>,
         u: R,
@@ -131,6 +134,88 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Glass<V> {
             R::select(reflects, r, one - r),
             R::Mask::splat(true),
         )
+    }
+}
+
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Interface<R> for Glass<V> {
+    const OPAQUE: bool = false;
+
+    #[inline(always)]
+    fn with_facets(
+        class: &BsdfClass,
+        m: &MaterialConstants<V>,
+        base_color: V,
+        facets: Facets<R>,
+    ) -> Glass<V> {
+        let equal = m.ior.eq(R::splat(1.0)) | R::Mask::splat(class.thin);
+        let smooth = facets.smooth | equal;
+        Glass {
+            base_color,
+            specular: m.specular,
+            ior: m.ior,
+            thin: class.thin,
+            facets: Facets { smooth, ..facets },
+        }
+    }
+
+    fn body_numbers(&self) -> Vec<R> {
+        let [specular, base_color] = [self.specular, self.base_color].map(Numbers::<R>::of_vector);
+        [&specular[..], &[self.ior], &base_color].concat()
+    }
+
+    #[inline(always)]
+    fn load_body(class: &BsdfClass, n: &Numbers<R>, facets: Facets<R>) -> Glass<V> {
+        Glass {
+            specular: n.vector(2),
+            ior: n.get(5),
+            base_color: n.vector(6),
+            thin: class.thin,
+            facets,
+        }
+    }
+
+    #[inline(always)]
+    fn facets(&self) -> &Facets<R> {
+        &self.facets
+    }
+
+    #[inline(always)]
+    fn eta(&self, below: R::Mask) -> R {
+        R::select(below, R::splat(1.0) / self.ior, self.ior)
+    }
+
+    #[inline(always)]
+    fn evaluate<const REVERSE: bool>(
+        &self,
+        out: &InterfaceOutgoing<V>,
+        wi: V,
+        i: V,
+        mode: TransportMode,
+    ) -> (V, [R; 2]) {
+        let (f, pdf_w) = self.density(out, i, mode);
+        let reverse = if REVERSE {
+            interface::pdf_w(self, wi, out.wo())
+        } else {
+            R::splat(0.0)
+        };
+        (f, [pdf_w, reverse])
+    }
+
+    #[inline(always)]
+    fn sample(
+        &self,
+        out: &InterfaceOutgoing<V>,
+        u: R,
+        v: [R; 2],
+        mode: TransportMode,
+    ) -> (R::Mask, MixtureSample<V>, Option<R>) {
+        let (some, s) = Glass::sample(self, out, u, v, mode);
+        (some, s, None)
+    }
+
+    #[inline(always)]
+    fn index_inside(&self) -> R {
+        if self.thin { R::splat(1.0) } else { self.ior }
     }
 }
 

@@ -2,8 +2,13 @@
 
 use glam::Vec3;
 
+use super::local::{LocalBsdf, Traits};
+use super::material::{BsdfClass, MaterialConstants};
+use super::numbers::{Numbers, Packed, PackedClass};
+use super::outgoing::Outgoing;
 use super::{MixtureSample, TransportMode, dielectric, lambert, mirror};
 use crate::math::real::{Mask, Real, Vector};
+use crate::transport::surface::ShadingParameters;
 
 /// An ideal surface, scalar or vectorised.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,6 +87,74 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Ideal<V> {
             valid = valid & (!behind | u.lt(glass));
         }
         (valid, sample)
+    }
+}
+
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> LocalBsdf<R> for Ideal<V> {
+    #[inline(always)]
+    fn new(class: &BsdfClass, m: &MaterialConstants<V>, p: &ShadingParameters<R>) -> Ideal<V> {
+        Ideal {
+            base_color: p.base_color,
+            ior: m.ior,
+            mix: p.mix(),
+            one_sided: class.one_sided,
+        }
+    }
+
+    fn packed(&self) -> Packed<R> {
+        let color = Numbers::<R>::of_vector(self.base_color);
+        let [a, b, c] = self.mix.map(|weight| weight.gt(R::splat(0.0)).any());
+        Packed {
+            numbers: Numbers::of(&[&color, &self.mix, &[self.ior]]),
+            smooth: false,
+            lobes: [a, b, c, false, false, false, false],
+            anisotropic: false,
+        }
+    }
+
+    #[inline(always)]
+    fn load(class: &PackedClass, n: &Numbers<R>) -> Ideal<V> {
+        Ideal {
+            base_color: n.vector(0),
+            mix: [n.get(3), n.get(4), n.get(5)],
+            ior: n.get(6),
+            one_sided: class.bsdf.one_sided,
+        }
+    }
+
+    #[inline(always)]
+    fn value(&self, wo: V, wi: V, _: TransportMode) -> (V, R) {
+        (self.eval(wo, wi), self.pdf_w(wo, wi))
+    }
+
+    #[inline(always)]
+    fn sample<const REVERSE: bool>(
+        &self,
+        out: &Outgoing<R>,
+        u: R,
+        v: [R; 2],
+        mode: TransportMode,
+    ) -> (R::Mask, MixtureSample<V>, R) {
+        let (some, s) = Ideal::sample(self, out.local, u, v, mode);
+        let zero = R::splat(0.0);
+        let reverse = if REVERSE && (!s.delta).any() {
+            R::select(s.delta, zero, self.pdf_w(s.sample.wi, out.local))
+        } else {
+            zero
+        };
+        (some, s, reverse)
+    }
+
+    #[inline(always)]
+    fn traits(&self) -> Traits<R> {
+        let [diffuse, metal, glass] = self.mix.map(|weight| weight.gt(R::splat(0.0)));
+        Traits {
+            has_density: diffuse,
+            has_dirac_lobe: metal | glass,
+            transmits: glass,
+            index_inside: self.ior,
+            front_only: false,
+        }
     }
 }
 

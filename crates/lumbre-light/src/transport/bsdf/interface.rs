@@ -5,196 +5,215 @@
 //! rough forms, and `thindielectric`), so that scenes written for those renderers look the same.
 //! Metal and plastic are the same on both sides; all computations place `wo` on the upper side.
 
-use glam::Vec3;
-
-use super::conductor::Conductor;
 use super::facets::Facets;
 use super::ggx::Ggx;
-use super::glass::Glass;
-use super::interface_outgoing::{InterfaceOutgoing, PlasticSide};
 use super::lobe::flipped;
+use super::lobe::{MixtureSample, TransportMode};
+use super::local::{LocalBsdf, Traits};
 use super::material::{BsdfClass, MaterialConstants};
-use super::plastic::Plastic;
-use super::{MixtureSample, TransportMode};
+use super::numbers::{Numbers, Packed, PackedClass};
+use super::outgoing::{DisneyOutgoing, InterfaceOutgoing, Outgoing, PlasticSide};
+use crate::math::Frame;
 use crate::math::real::{Mask, Real, Vector};
-use crate::scene::compile::Model;
+use crate::transport::surface::ShadingParameters;
 
 /// The BSDF of a material with one interface, scalar or vectorised.
-#[derive(Clone, Copy, Debug)]
-pub enum InterfaceBsdf<V: Vector = Vec3> {
-    /// A smooth or rough metal.
-    Conductor(Conductor<V>),
-    /// A diffuse body under a dielectric surface.
-    Plastic(Plastic<V>),
-    /// Smooth, rough or thin glass.
-    Glass(Glass<V>),
-}
+pub(super) trait Interface<R: Real>: Copy {
+    /// Whether no light is transmitted.
+    const OPAQUE: bool;
 
-impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> InterfaceBsdf<V> {
-    /// Builds the BSDF of materials whose textures give this base colour and roughness; `None` for
-    /// the other models.
-    #[inline(always)]
-    pub fn new(
+    /// Builds the BSDF of materials whose textures give this base colour and microfacets.
+    fn with_facets(
         class: &BsdfClass,
-        m: &MaterialConstants<V>,
-        base_color: V,
-        roughness: R,
-    ) -> Option<InterfaceBsdf<V>> {
-        let facets = Facets {
-            distribution: class.distribution,
-            alpha: Ggx::new(roughness, m.aspect).alpha,
-            smooth: !roughness.ge(m.smooth_below),
-        };
-        match class.model {
-            Model::Disney | Model::Lambert | Model::Translucent => None,
-            Model::Conductor => Some(InterfaceBsdf::Conductor(Conductor {
-                tint: base_color * m.specular,
-                eta: m.eta,
-                k: m.k,
-                facets,
-            })),
-            Model::Plastic => Some(InterfaceBsdf::Plastic(Plastic::new(
-                base_color,
-                m.specular,
-                m.ior,
-                (m.internal_reflectance, class.nonlinear),
-                facets,
-            ))),
-            Model::Dielectric => {
-                let equal = m.ior.eq(R::splat(1.0)) | R::Mask::splat(class.thin);
-                let smooth = facets.smooth | equal;
-                Some(InterfaceBsdf::Glass(Glass {
-                    base_color,
-                    specular: m.specular,
-                    ior: m.ior,
-                    thin: class.thin,
-                    facets: Facets { smooth, ..facets },
-                }))
-            }
-        }
-    }
+        m: &MaterialConstants<R::Vec3>,
+        base_color: R::Vec3,
+        facets: Facets<R>,
+    ) -> Self;
+
+    /// Returns everything but the microfacets as numbers.
+    fn body_numbers(&self) -> Vec<R>;
+
+    /// Builds the BSDFs of [`Interface::body_numbers`], which start with the third.
+    fn load_body(class: &BsdfClass, n: &Numbers<R>, facets: Facets<R>) -> Self;
 
     /// Returns the microfacets.
+    fn facets(&self) -> &Facets<R>;
+
+    /// Returns the index of the lower side relative to the upper one, if `wo` was `below`; 1 if
+    /// light does not enter.
     #[inline(always)]
-    pub(super) fn facets(&self) -> &Facets<R> {
-        match self {
-            InterfaceBsdf::Conductor(c) => &c.facets,
-            InterfaceBsdf::Plastic(p) => &p.facets,
-            InterfaceBsdf::Glass(g) => &g.facets,
-        }
+    fn eta(&self, _below: R::Mask) -> R {
+        R::splat(1.0)
     }
 
-    /// Computes everything that depends on `wo` alone.
+    /// Computes what plastic derives from one direction, for its cosine.
     #[inline(always)]
-    pub fn outgoing(&self, wo: V) -> InterfaceOutgoing<V> {
-        let (zero, one) = (R::splat(0.0), R::splat(1.0));
-        let below = wo.z().lt(zero);
-        let o = V::select(below, flipped(wo), wo);
-        let facets = self.facets();
-        InterfaceOutgoing {
-            o,
-            below,
-            eta: match self {
-                InterfaceBsdf::Glass(g) => R::select(below, one / g.ior, g.ior),
-                InterfaceBsdf::Conductor(_) | InterfaceBsdf::Plastic(_) => one,
-            },
-            masking: if (!facets.smooth).any() {
-                facets.masking_over_cos(o)
-            } else {
-                zero
-            },
-            plastic: match self {
-                InterfaceBsdf::Plastic(p) => p.side(o.z()),
-                InterfaceBsdf::Conductor(_) | InterfaceBsdf::Glass(_) => PlasticSide::none(),
-            },
-        }
-    }
-
-    /// Evaluates the lobes that have a density.
-    #[inline(always)]
-    pub fn eval(&self, wo: V, wi: V, mode: TransportMode) -> V {
-        self.evaluate::<false>(&self.outgoing(wo), wi, mode).0
-    }
-
-    /// Returns the density of [`InterfaceBsdf::sample`] without Dirac lobes.
-    #[inline(always)]
-    pub fn pdf_w(&self, wo: V, wi: V) -> R {
-        self.evaluate::<false>(&self.outgoing(wo), wi, TransportMode::Radiance)
-            .1[0]
+    fn side(&self, _cos: R) -> PlasticSide<R> {
+        PlasticSide::none()
     }
 
     /// Returns the value, the density of `wi` given `wo` and, with `REVERSE`, that of `wo` given
-    /// `wi`.
-    #[inline(always)]
-    pub fn evaluate<const REVERSE: bool>(
+    /// `wi`; `i` is `wi` mirrored as `wo` was.
+    fn evaluate<const REVERSE: bool>(
         &self,
-        out: &InterfaceOutgoing<V>,
-        wi: V,
+        out: &InterfaceOutgoing<R::Vec3>,
+        wi: R::Vec3,
+        i: R::Vec3,
         mode: TransportMode,
-    ) -> (V, [R; 2]) {
-        let i = V::select(out.below, flipped(wi), wi);
-        match self {
-            InterfaceBsdf::Conductor(c) => c.evaluate(out, i),
-            InterfaceBsdf::Plastic(p) => p.evaluate(out, i),
-            InterfaceBsdf::Glass(g) => {
-                let (f, pdf_w) = g.density(out, i, mode);
-                let reverse = if REVERSE {
-                    self.pdf_w(wi, out.wo())
-                } else {
-                    R::splat(0.0)
-                };
-                (f, [pdf_w, reverse])
-            }
-        }
-    }
+    ) -> (R::Vec3, [R; 2]);
 
-    /// Returns whether any lobe has a density.
-    #[inline(always)]
-    pub fn has_density(&self) -> R::Mask {
-        match self {
-            InterfaceBsdf::Plastic(p) => p.has_density(),
-            InterfaceBsdf::Conductor(_) | InterfaceBsdf::Glass(_) => !self.facets().smooth,
-        }
-    }
-
-    /// Samples a direction: `u` selects the lobe, `v` the direction within it. The mask is set
-    /// where there is a sample. With `REVERSE` also returns the density of `wo` given the
-    /// direction, else an undefined number; it is zero for Dirac lobes.
-    #[inline(always)]
-    pub fn sample<const REVERSE: bool>(
+    /// Samples a direction for `out.o`, with its reverse density if that comes for free. The mask
+    /// is set where there is one.
+    fn sample(
         &self,
-        out: &InterfaceOutgoing<V>,
+        out: &InterfaceOutgoing<R::Vec3>,
         u: R,
         v: [R; 2],
         mode: TransportMode,
-    ) -> (R::Mask, MixtureSample<V>, R) {
-        let zero = R::splat(0.0);
-        let (some, mut s, mut reverse) = match self {
-            InterfaceBsdf::Conductor(c) => c.sample(out, v),
-            InterfaceBsdf::Plastic(p) => p.sample(out, u, v),
-            InterfaceBsdf::Glass(g) => {
-                let (some, s) = g.sample(out, u, v, mode);
-                (some, s, zero)
-            }
-        };
-        s.sample.wi = V::select(out.below, flipped(s.sample.wi), s.sample.wi);
-        if let InterfaceBsdf::Glass(_) = self
-            && REVERSE
-            && (!s.delta).any()
-        {
-            reverse = R::select(s.delta, zero, self.pdf_w(s.sample.wi, out.wo()));
-        }
-        (some & out.o.z().gt(zero), s, reverse)
+    ) -> (R::Mask, MixtureSample<R::Vec3>, Option<R>);
+
+    /// Returns whether any lobe has a density.
+    #[inline(always)]
+    fn any_density(&self) -> R::Mask {
+        !self.facets().smooth
     }
 
     /// Returns the index of the inside relative to the outside; 1 if light does not enter.
     #[inline(always)]
-    pub fn index_inside(&self) -> R {
-        match self {
-            InterfaceBsdf::Glass(g) if !g.thin => g.ior,
-            _ => R::splat(1.0),
+    fn index_inside(&self) -> R {
+        R::splat(1.0)
+    }
+}
+
+/// A model of one interface as a BSDF.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct OneInterface<K>(K);
+
+impl<R: Real, K: Interface<R>> LocalBsdf<R> for OneInterface<K> {
+    #[inline(always)]
+    fn new(class: &BsdfClass, m: &MaterialConstants<R::Vec3>, p: &ShadingParameters<R>) -> Self {
+        let facets = Facets {
+            distribution: class.distribution,
+            alpha: Ggx::new(p.roughness, m.aspect).alpha,
+            smooth: !p.roughness.ge(m.smooth_below),
+        };
+        OneInterface(K::with_facets(class, m, p.base_color, facets))
+    }
+
+    fn packed(&self) -> Packed<R> {
+        let facets = self.0.facets();
+        let [x, y] = facets.alpha;
+        Packed {
+            numbers: Numbers::of(&[&facets.alpha, &self.0.body_numbers()]),
+            smooth: facets.smooth.any(),
+            lobes: [false; 7],
+            anisotropic: (!x.eq(y)).any(),
         }
     }
+
+    #[inline(always)]
+    fn load(class: &PackedClass, n: &Numbers<R>) -> Self {
+        let facets = Facets {
+            distribution: class.bsdf.distribution,
+            alpha: n.pair(0),
+            smooth: R::Mask::splat(class.smooth),
+        };
+        OneInterface(K::load_body(&class.bsdf, n, facets))
+    }
+
+    #[inline(always)]
+    fn outgoing(&self, wo: R::Vec3) -> (DisneyOutgoing<R::Vec3>, InterfaceOutgoing<R::Vec3>) {
+        (DisneyOutgoing::none(), outgoing(&self.0, wo))
+    }
+
+    #[inline(always)]
+    fn value(&self, wo: R::Vec3, wi: R::Vec3, mode: TransportMode) -> (R::Vec3, R) {
+        let (f, [pdf_w, _]) = evaluate::<R, K, false>(&self.0, &outgoing(&self.0, wo), wi, mode);
+        (f, pdf_w)
+    }
+
+    #[inline(always)]
+    fn evaluate<const REVERSE: bool>(
+        &self,
+        frame: &Frame<R::Vec3>,
+        out: &Outgoing<R>,
+        (wi, _): (R::Vec3, R),
+        mode: TransportMode,
+        _: R::Mask,
+    ) -> (R::Vec3, [R; 2]) {
+        evaluate::<R, K, REVERSE>(&self.0, &out.interface, frame.to_local(wi), mode)
+    }
+
+    #[inline(always)]
+    fn sample<const REVERSE: bool>(
+        &self,
+        out: &Outgoing<R>,
+        u: R,
+        v: [R; 2],
+        mode: TransportMode,
+    ) -> (R::Mask, MixtureSample<R::Vec3>, R) {
+        let (out, zero) = (&out.interface, R::splat(0.0));
+        let (some, mut s, reverse) = self.0.sample(out, u, v, mode);
+        s.sample.wi = R::Vec3::select(out.below, flipped(s.sample.wi), s.sample.wi);
+        let reverse = match reverse {
+            Some(reverse) => reverse,
+            None if REVERSE && (!s.delta).any() => {
+                R::select(s.delta, zero, pdf_w(&self.0, s.sample.wi, out.wo()))
+            }
+            None => zero,
+        };
+        (some & out.o.z().gt(zero), s, reverse)
+    }
+
+    #[inline(always)]
+    fn traits(&self) -> Traits<R> {
+        Traits {
+            has_density: self.0.any_density(),
+            has_dirac_lobe: self.0.facets().smooth,
+            transmits: R::Mask::splat(!K::OPAQUE),
+            index_inside: self.0.index_inside(),
+            front_only: K::OPAQUE,
+        }
+    }
+}
+
+/// Computes everything that depends on `wo` alone.
+#[inline(always)]
+fn outgoing<R: Real, K: Interface<R>>(interface: &K, wo: R::Vec3) -> InterfaceOutgoing<R::Vec3> {
+    let zero = R::splat(0.0);
+    let below = wo.z().lt(zero);
+    let o = R::Vec3::select(below, flipped(wo), wo);
+    let facets = interface.facets();
+    InterfaceOutgoing {
+        o,
+        below,
+        eta: interface.eta(below),
+        masking: if (!facets.smooth).any() {
+            facets.masking_over_cos(o)
+        } else {
+            zero
+        },
+        plastic: interface.side(o.z()),
+    }
+}
+
+/// Returns the density of `wi` given `wo`, without Dirac lobes.
+#[inline(always)]
+pub(super) fn pdf_w<R: Real, K: Interface<R>>(interface: &K, wo: R::Vec3, wi: R::Vec3) -> R {
+    let out = outgoing(interface, wo);
+    evaluate::<R, K, false>(interface, &out, wi, TransportMode::Radiance).1[0]
+}
+
+/// Returns [`Interface::evaluate`] for `wi` in the local frame.
+#[inline(always)]
+fn evaluate<R: Real, K: Interface<R>, const REVERSE: bool>(
+    interface: &K,
+    out: &InterfaceOutgoing<R::Vec3>,
+    wi: R::Vec3,
+    mode: TransportMode,
+) -> (R::Vec3, [R; 2]) {
+    let i = R::Vec3::select(out.below, flipped(wi), wi);
+    interface.evaluate::<REVERSE>(out, wi, i, mode)
 }
 
 impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> InterfaceOutgoing<V> {
@@ -213,7 +232,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> InterfaceOutgoing<V> {
 
     /// Returns `wo` in the local frame.
     #[inline(always)]
-    fn wo(&self) -> V {
+    pub(super) fn wo(&self) -> V {
         V::select(self.below, flipped(self.o), self.o)
     }
 }

@@ -54,12 +54,14 @@ pub mod ggx;
 pub mod glass;
 pub mod ideal;
 pub mod interface;
-mod interface_outgoing;
 pub mod lambert;
 mod lobe;
+mod local;
 pub mod material;
 pub mod mirror;
 mod model;
+mod numbers;
+mod outgoing;
 mod packed;
 pub mod plastic;
 mod scalar;
@@ -67,12 +69,14 @@ pub mod translucent;
 
 pub use lobe::{LobeSample, MixtureSample, TransportMode};
 pub use material::{BsdfClass, MaterialConstants};
-pub use model::Outgoing;
-pub use packed::{PackedBsdf, PackedClass};
+pub use numbers::PackedClass;
+pub use outgoing::Outgoing;
+pub use packed::PackedBsdf;
 
 use glam::Vec3;
 
 use self::lobe::flipped;
+use self::local::LocalBsdf;
 use self::model::BsdfModel;
 use super::surface::ShadingParameters;
 use crate::math::Frame;
@@ -154,7 +158,7 @@ impl<R: Real> Bsdf<R> {
             n_geometric: at.n_geometric,
             flat: at.n_shading.same(at.n_geometric),
             terminator: at.terminator,
-            front_only: one_sided && model.is_opaque_interface(),
+            front_only: one_sided && model.traits().front_only,
             model,
         }
     }
@@ -311,7 +315,7 @@ impl<R: Real> Bsdf<R> {
     pub fn index_ratio(&self, wo: R::Vec3, wi: R::Vec3) -> R {
         let cos = [wo.dot(self.frame.n), wi.dot(self.frame.n)];
         if (cos[0] * cos[1]).lt(R::splat(0.0)).any() {
-            index_ratio(cos, self.model.index_inside())
+            index_ratio(cos, self.model.traits().index_inside)
         } else {
             R::splat(1.0)
         }
@@ -320,19 +324,19 @@ impl<R: Real> Bsdf<R> {
     /// Returns whether any lobe has a density, so that a connection to a light can contribute.
     #[inline(always)]
     pub fn has_density(&self) -> R::Mask {
-        self.model.has_density()
+        self.model.traits().has_density
     }
 
     /// Returns whether any lobe is a Dirac lobe.
     #[inline(always)]
     pub fn has_dirac_lobe(&self) -> R::Mask {
-        self.model.has_dirac_lobe()
+        self.model.traits().has_dirac_lobe
     }
 
     /// Returns whether any lobe transmits light.
     #[inline(always)]
     pub fn transmits(&self) -> R::Mask {
-        self.model.transmits()
+        self.model.traits().transmits
     }
 
     /// Returns whether a direction, with cosine `cos` to the shading normal, is on the same side of

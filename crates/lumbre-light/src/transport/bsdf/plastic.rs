@@ -11,8 +11,11 @@ use std::f32::consts::FRAC_1_PI;
 use glam::Vec3;
 
 use super::facets::{Facets, mirrored};
-use super::interface_outgoing::{InterfaceOutgoing, PlasticSide};
-use super::{LobeSample, MixtureSample, fresnel};
+use super::interface::Interface;
+use super::material::{BsdfClass, MaterialConstants};
+use super::numbers::Numbers;
+use super::outgoing::{InterfaceOutgoing, PlasticSide};
+use super::{LobeSample, MixtureSample, TransportMode, fresnel};
 use crate::math::real::{Mask, Real, Vector};
 use crate::math::warp;
 
@@ -63,10 +66,46 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Plastic<V> {
             facets,
         }
     }
+}
 
-    /// Computes what depends on one direction, for its cosine.
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Interface<R> for Plastic<V> {
+    const OPAQUE: bool = true;
+
     #[inline(always)]
-    pub fn side(&self, cos: R) -> PlasticSide<R> {
+    fn with_facets(
+        class: &BsdfClass,
+        m: &MaterialConstants<V>,
+        base_color: V,
+        facets: Facets<R>,
+    ) -> Plastic<V> {
+        let internal = (m.internal_reflectance, class.nonlinear);
+        Plastic::new(base_color, m.specular, m.ior, internal, facets)
+    }
+
+    fn body_numbers(&self) -> Vec<R> {
+        let [specular, diffuse, body] =
+            [self.specular, self.diffuse, self.body].map(Numbers::<R>::of_vector);
+        [&specular[..], &[self.ior], &diffuse, &body].concat()
+    }
+
+    #[inline(always)]
+    fn load_body(_: &BsdfClass, n: &Numbers<R>, facets: Facets<R>) -> Plastic<V> {
+        Plastic {
+            specular: n.vector(2),
+            ior: n.get(5),
+            diffuse: n.vector(6),
+            body: n.vector(9),
+            facets,
+        }
+    }
+
+    #[inline(always)]
+    fn facets(&self) -> &Facets<R> {
+        &self.facets
+    }
+
+    #[inline(always)]
+    fn side(&self, cos: R) -> PlasticSide<R> {
         let r = fresnel::dielectric(cos, self.ior).reflectance;
         let third = R::splat(1.0 / 3.0);
         let surface = r * (self.specular.element_sum() * third);
@@ -78,15 +117,14 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Plastic<V> {
         }
     }
 
-    /// Returns whether any lobe has a density.
     #[inline(always)]
-    pub fn has_density(&self) -> R::Mask {
-        !self.facets.smooth | !self.diffuse.same(V::broadcast(Vec3::ZERO))
-    }
-
-    /// Returns the value and the densities of both directions, for `i` on the side of `out.o`.
-    #[inline(always)]
-    pub fn evaluate(&self, out: &InterfaceOutgoing<V>, i: V) -> (V, [R; 2]) {
+    fn evaluate<const REVERSE: bool>(
+        &self,
+        out: &InterfaceOutgoing<V>,
+        _: V,
+        i: V,
+        _: TransportMode,
+    ) -> (V, [R; 2]) {
         let (o, zero, one) = (out.o, R::splat(0.0), R::splat(1.0));
         let black = V::splat(zero);
         let some = o.z().gt(zero) & i.z().gt(zero);
@@ -121,15 +159,14 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Plastic<V> {
         )
     }
 
-    /// Samples a direction of the surface reflection or of the body, for `out.o` on the upper side,
-    /// with its reverse density. The mask is set where there is one.
     #[inline(always)]
-    pub fn sample(
+    fn sample(
         &self,
         out: &InterfaceOutgoing<V>,
         u: R,
         v: [R; 2],
-    ) -> (R::Mask, MixtureSample<V>, R) {
+        _: TransportMode,
+    ) -> (R::Mask, MixtureSample<V>, Option<R>) {
         let (o, zero, one) = (out.o, R::splat(0.0), R::splat(1.0));
         let PlasticSide {
             reflectance,
@@ -156,7 +193,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Plastic<V> {
         }
         let rough = !to_mirror;
         if rough.any() {
-            let (f, [pdf_w, back]) = self.evaluate(out, wi);
+            let (f, [pdf_w, back]) = self.evaluate::<true>(out, wi, wi, TransportMode::Radiance);
             let weight = f * (wi.z() / pdf_w);
             let usable = wi.z().gt(zero) & pdf_w.gt(zero) & weight.is_finite();
             valid = valid | rough & usable;
@@ -169,6 +206,11 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Plastic<V> {
             sample = MixtureSample::select(rough, s, sample);
             reverse = R::select(rough, back, zero);
         }
-        (valid, sample, reverse)
+        (valid, sample, Some(reverse))
+    }
+
+    #[inline(always)]
+    fn any_density(&self) -> R::Mask {
+        !self.facets.smooth | !self.diffuse.same(V::broadcast(Vec3::ZERO))
     }
 }

@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use super::local::LocalBsdf;
 use super::material::{BsdfClass, MaterialConstants};
 use super::{Bsdf, BsdfSample, BsdfValue, Orientation, Outgoing, TransportMode};
 use crate::scene::compile::Texture;
@@ -33,7 +34,7 @@ impl Bsdf {
         let Some((o, i)) = self.local_pair(wo, wi, mode) else {
             return Vec3::ZERO;
         };
-        let f = self.model.eval(o, i, mode);
+        let f = self.model.value(o, i, mode).0;
         match mode {
             TransportMode::Radiance => f,
             TransportMode::Importance => f * self.adjoint([wo, wi], [o.z, i.z]),
@@ -45,7 +46,9 @@ impl Bsdf {
     #[inline]
     pub fn pdf_w(&self, wo: Vec3, wi: Vec3) -> f32 {
         self.local_pair(wo, wi, TransportMode::Radiance)
-            .map_or(0.0, |(o, i)| self.model.pdf_w(o, i))
+            .map_or(0.0, |(o, i)| {
+                self.model.value(o, i, TransportMode::Radiance).1
+            })
     }
 
     /// Returns value and both densities at once, which is much cheaper than one by one.

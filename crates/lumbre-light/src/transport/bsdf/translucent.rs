@@ -6,9 +6,14 @@ use std::f32::consts::FRAC_1_PI;
 
 use glam::Vec3;
 
-use super::{LobeSample, MixtureSample};
+use super::lobe::{LobeSample, MixtureSample, TransportMode};
+use super::local::{LocalBsdf, Traits};
+use super::material::{BsdfClass, MaterialConstants};
+use super::numbers::{Numbers, Packed, PackedClass};
+use super::outgoing::Outgoing;
 use crate::math::real::{Mask, Real, Vector};
 use crate::math::warp;
+use crate::transport::surface::ShadingParameters;
 
 /// A translucent sheet at a point, scalar or vectorised.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -91,6 +96,66 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Translucent<V> {
     #[inline(always)]
     pub fn transmits(&self) -> R::Mask {
         !self.transmittance.same(V::broadcast(Vec3::ZERO))
+    }
+}
+
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> LocalBsdf<R> for Translucent<V> {
+    #[inline(always)]
+    fn new(_: &BsdfClass, _: &MaterialConstants<V>, p: &ShadingParameters<R>) -> Translucent<V> {
+        Translucent::new(p.base_color, p.transmittance())
+    }
+
+    fn packed(&self) -> Packed<R> {
+        let [r, t] = [self.reflectance, self.transmittance].map(Numbers::<R>::of_vector);
+        Packed {
+            numbers: Numbers::of(&[&r, &t, &[self.reflects]]),
+            smooth: false,
+            lobes: [false; 7],
+            anisotropic: false,
+        }
+    }
+
+    #[inline(always)]
+    fn load(_: &PackedClass, n: &Numbers<R>) -> Translucent<V> {
+        Translucent {
+            reflectance: n.vector(0),
+            transmittance: n.vector(3),
+            reflects: n.get(6),
+        }
+    }
+
+    #[inline(always)]
+    fn value(&self, wo: V, wi: V, _: TransportMode) -> (V, R) {
+        (self.eval(wo, wi), self.pdf_w(wo, wi))
+    }
+
+    #[inline(always)]
+    fn sample<const REVERSE: bool>(
+        &self,
+        out: &Outgoing<R>,
+        u: R,
+        v: [R; 2],
+        _: TransportMode,
+    ) -> (R::Mask, MixtureSample<V>, R) {
+        let (some, s) = Translucent::sample(self, out.local, u, v);
+        let reverse = if REVERSE {
+            self.pdf_w(s.sample.wi, out.local)
+        } else {
+            R::splat(0.0)
+        };
+        (some, s, reverse)
+    }
+
+    #[inline(always)]
+    fn traits(&self) -> Traits<R> {
+        let transmits = self.transmits();
+        Traits {
+            has_density: self.has_density(),
+            has_dirac_lobe: R::Mask::splat(false),
+            transmits,
+            index_inside: R::splat(1.0),
+            front_only: false,
+        }
     }
 }
 

@@ -47,6 +47,18 @@ impl<R: Real> ShadingParameters<R> {
         }
     }
 
+    /// Returns the weights of the opaque dielectric, the metal and the refractive dielectric.
+    #[inline(always)]
+    pub fn mix(&self) -> [R; 3] {
+        let one = R::splat(1.0);
+        let dielectric = one - self.metallic;
+        [
+            dielectric * self.opacity,
+            self.metallic,
+            dielectric * (one - self.opacity),
+        ]
+    }
+
     /// Returns the share of the light that a translucent material transmits, by channel.
     #[inline(always)]
     pub fn transmittance(&self) -> R::Vec3 {

@@ -64,7 +64,8 @@ fn derive(context: &str, experiment: u64, repeat: u32) -> u64 {
         .fold(0, |seed, byte| seed << 8 | u64::from(*byte))
 }
 
-/// Returns the id of an identity: the first 32 hex digits of its hash.
+/// Returns the id of an identity: the first 32 hex digits of its hash. Cells are hashed field by
+/// field in `cell_identity.rs`, with the same result.
 pub fn run_id(identity: &Value) -> RunId {
     let mut hasher = blake3::Hasher::new();
     identity.hash_into(&mut hasher);

@@ -19,9 +19,9 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
     /// weights of the opaque dielectric, the metal and the refractive dielectric. The class is
     /// anisotropic unless both widths of the microfacets are equal.
     #[inline(always)]
-    pub fn new(
-        m: &MaterialConstants<V>,
+    pub fn with_weights(
         class: &BsdfClass,
+        m: &MaterialConstants<V>,
         base_color: V,
         roughness: R,
         [opaque, metallic, refractive]: [R; 3],

@@ -3,8 +3,9 @@
 
 use super::super::facets::mirrored;
 use super::super::glass::refracted;
+use super::super::outgoing::DisneyOutgoing;
 use super::super::{LobeSample, MixtureSample, TransportMode, dielectric, flipped, fresnel};
-use super::{DirectionPair, Disney, DisneyOutgoing};
+use super::{DirectionPair, Disney};
 use crate::math::real::{Mask, Real, Vector};
 use crate::math::warp;
 

@@ -36,7 +36,7 @@ fn surface(roughness: f32, weights: [f32; 3], clearcoat: f32, one_sided: bool) -
         anisotropic: false,
         tinted: false,
     };
-    Disney::new(&constants, &class, Vec3::ONE, roughness, weights)
+    Disney::with_weights(&class, &constants, Vec3::ONE, roughness, weights)
 }
 
 /// Returns a unit direction with a cosine to the normal.
