@@ -31,7 +31,7 @@ fn diffuse_cornell_box_equals_mitsuba_at_every_depth() {
     assert!(references.len() >= 4);
     let bpt = &technique::plain()[0];
     for reference in &references {
-        let found = reference.compare(bpt, 48, 77, 0, references.len()).unwrap();
+        let found = reference.compare(bpt, reference.setting(48, 77, 0), references.len()).unwrap();
         let least = if reference.max_depth == Some(1) {
             3
         } else {
@@ -71,7 +71,7 @@ fn disney_cornell_box_with_spheres_equals_the_principled_bsdf_of_mitsuba() {
     let nee = Technique::plain(integrator("nee").unwrap());
     for reference in &references {
         let found = reference
-            .compare(&nee, 128, 78, 0, references.len())
+            .compare(&nee, reference.setting(128, 78, 0), references.len())
             .unwrap();
         assert!(
             found.opaque.result.comparisons > 200,

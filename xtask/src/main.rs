@@ -9,6 +9,7 @@
 mod bench;
 #[cfg(unix)]
 mod bugs;
+mod calibrate;
 mod command;
 #[cfg(unix)]
 mod fuzz;
@@ -42,6 +43,8 @@ enum Chore {
     /// Plant bugs in a copy of the code, and show which tests catch them
     #[cfg(unix)]
     Bugs(bugs::Args),
+    /// Measure how often the claims of comparisons are false, on nights whose truth is known
+    Calibrate(calibrate::Args),
     /// Feed changed files to every reader, and count what it accepted and what it reached
     #[cfg(unix)]
     Fuzz(fuzz::Args),
@@ -68,6 +71,7 @@ fn main() -> ExitCode {
         Chore::Bench(args) => bench::run(&args),
         #[cfg(unix)]
         Chore::Bugs(args) => bugs::run(&args),
+        Chore::Calibrate(args) => calibrate::run(&args),
         #[cfg(unix)]
         Chore::Fuzz(args) => fuzz::run(&args),
         Chore::Inlining => inlining::run(),

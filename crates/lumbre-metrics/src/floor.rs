@@ -18,6 +18,7 @@
 
 use super::{MetricError, MetricSpec};
 use lumbre_light::film::Image;
+use lumbre_light::math::t_test::{standard_error, two_sided_t};
 
 /// Effect of the noise of a reference on the value of a metric.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,6 +35,58 @@ pub enum Noise {
     Bounds,
     /// Has an effect that no single number describes.
     Silent,
+}
+
+/// A noise floor: the value that the true image would measure against a reference.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Floor {
+    /// Estimate of the value.
+    pub value: f64,
+    /// Standard error of the estimate; 0 if it is not known. All runs that are measured against the
+    /// reference share the error.
+    pub error: f64,
+}
+
+impl Floor {
+    /// Returns a floor of which no error is known.
+    pub fn exact(value: f64) -> Floor {
+        Floor { value, error: 0.0 }
+    }
+
+    /// Returns the ends of the 95 % confidence interval, not below zero.
+    pub fn ends(self) -> [f64; 2] {
+        let half = two_sided_t(0.05, GROUPS as f64 - 1.0) * self.error;
+        [(self.value - half).max(0.0), self.value + half]
+    }
+}
+
+/// Number of groups of pixels of which the standard error of a floor is computed.
+const GROUPS: usize = 32;
+
+/// Side in pixels of the squares of which groups consist, larger than what a pixel filter makes
+/// alike.
+const SQUARE: u32 = 8;
+
+/// Returns the pixels of an image that belong to a group, as an image of one row. Squares belong to
+/// the groups in turn, so that each group has pixels from all over the image.
+fn group(image: &Image, group: usize) -> Image {
+    let columns = image.width.div_ceil(SQUARE);
+    let mut data = Vec::new();
+    for y in 0..image.height {
+        for x in 0..image.width {
+            let square = y / SQUARE * columns + x / SQUARE;
+            // An odd step, so that groups are no columns where a row has a multiple of their number.
+            let of = (square + y / SQUARE * 5) as usize % GROUPS;
+            if of == group {
+                data.push(image.data[(y * image.width + x) as usize]);
+            }
+        }
+    }
+    Image {
+        width: data.len() as u32,
+        height: 1,
+        data,
+    }
 }
 
 /// Two independent halves of a reference with their sample counts.
@@ -69,11 +122,12 @@ impl Halves<'_> {
 
 impl MetricSpec {
     /// Estimates the value that the true image would have against this reference, from its halves.
-    /// Returns `None` for metrics without such an estimate.
+    /// Returns `None` for metrics without such an estimate. Only means over pixels have a standard
+    /// error, from how the floors of groups of pixels scatter.
     ///
     /// # Errors
     /// Those of [`MetricSpec::eval`].
-    pub fn floor(&self, reference: &Image, halves: Halves) -> Result<Option<f64>, MetricError> {
+    pub fn floor(&self, reference: &Image, halves: Halves) -> Result<Option<Floor>, MetricError> {
         let size = [reference.width, reference.height];
         for half in halves.means {
             if [half.width, half.height] != size {
@@ -102,11 +156,35 @@ impl MetricSpec {
                 let windows = rows.flat_map(|row| &row[rim..width - rim]);
                 let (sum, count) =
                     windows.fold((0.0, 0u64), |(sum, n), d| (sum + ceiling(*d), n + 1));
-                Ok(Some(sum / count as f64))
+                Ok(Some(Floor::exact(sum / count as f64)))
             }
-            _ => Ok(Some(
-                0.5 * (self.eval(&over, reference)? + self.eval(&under, reference)?),
-            )),
+            _ => {
+                let value = |over: &Image, under: &Image, reference: &Image| {
+                    Ok(0.5 * (self.eval(over, reference)? + self.eval(under, reference)?))
+                };
+                let floor = Floor::exact(value(&over, &under, reference)?);
+                let is_root = match self.row.noise {
+                    Noise::Adds => false,
+                    Noise::AddsSquared => true,
+                    _ => return Ok(Some(floor)),
+                };
+                let parts = (0..GROUPS).map(|i| {
+                    let [over, under, reference] = [&over, &under, reference].map(|x| group(x, i));
+                    let part: Result<f64, MetricError> = value(&over, &under, &reference);
+                    part.map(|value| if is_root { value * value } else { value })
+                });
+                // A metric of which single pixels have no value has no groups either.
+                let Ok(parts) = parts.collect::<Result<Vec<f64>, _>>() else {
+                    return Ok(Some(floor));
+                };
+                let error = standard_error(&parts);
+                let error = if is_root && floor.value > 0.0 {
+                    error / (2.0 * floor.value)
+                } else {
+                    error
+                };
+                Ok(Some(Floor { error, ..floor }))
+            }
         }
     }
 
@@ -238,7 +316,7 @@ mod tests {
                 .iter()
                 .filter(|s| s.row.noise != Noise::Silent && s.row.name != "hdr_flip")
             {
-                let floor = spec.floor(&r, halves).unwrap().unwrap();
+                let floor = spec.floor(&r, halves).unwrap().unwrap().value;
                 let real = spec.eval(&truth, &r).unwrap();
                 // As distances from perfection; decibels are compared as what they are.
                 let away = |x: f64| {
@@ -278,7 +356,7 @@ mod tests {
         };
         for name in ["mse", "rmse", "psnr", "relmse"] {
             let spec = MetricSpec::new(name, name, BTreeMap::new()).unwrap();
-            let floor = spec.floor(&r, halves).unwrap().unwrap();
+            let floor = spec.floor(&r, halves).unwrap().unwrap().value;
             // A run that is better than its reference.
             let image = noisy(77, 0.02);
             let (gross, real) = (
@@ -326,7 +404,7 @@ mod tests {
         for spec in specs().iter().filter(|s| s.row.noise != Noise::Silent) {
             assert_eq!(
                 spec.floor(&truth, same).unwrap(),
-                Some(spec.row.perfect),
+                Some(Floor::exact(spec.row.perfect)),
                 "{}",
                 spec.row.name
             );

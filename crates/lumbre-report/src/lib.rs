@@ -7,6 +7,7 @@
 
 pub mod benchmark;
 pub mod clock;
+pub mod comparison;
 mod dependent_axes;
 mod exposure;
 pub mod exr;

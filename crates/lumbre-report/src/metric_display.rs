@@ -1,6 +1,7 @@
 //! Conversion of metrics to drawn values.
 
 use crate::plot::axis::Scale;
+use lumbre_metrics::floor::Noise;
 use lumbre_metrics::{Better, MetricSpec};
 
 /// Conversion of a metric to its drawn value. Errors have a logarithmic axis. A metric with a best
@@ -13,6 +14,8 @@ pub struct MetricDisplay {
     complement: Option<f64>,
     /// Whether the absolute value is drawn.
     magnitude: bool,
+    /// Whether the metric is the root of a mean squared error.
+    root: bool,
 }
 
 impl MetricDisplay {
@@ -27,6 +30,7 @@ impl MetricDisplay {
             scale,
             complement,
             magnitude: metric.row.better == Better::NearZero,
+            root: metric.row.noise == Noise::AddsSquared,
         }
     }
 
@@ -45,6 +49,11 @@ impl MetricDisplay {
     /// Returns whether the absolute value is drawn.
     pub fn is_magnitude(self) -> bool {
         self.magnitude
+    }
+
+    /// Returns whether the metric is the root of a mean squared error.
+    pub fn is_root(self) -> bool {
+        self.root
     }
 
     /// Converts a drawn value back to a value of the metric. The sign of an absolute value is lost.

@@ -84,15 +84,31 @@ pub struct RunValue {
     pub number: f64,
     /// Relation of the number to the true one.
     pub bound: Bound,
+    /// The number with the noise of the reference at the lower and the upper end of its interval,
+    /// where that differs.
+    pub noise_ends: Option<[f64; 2]>,
 }
 
 impl RunValue {
     /// Creates a value that is known.
     pub fn exact(number: f64) -> RunValue {
+        RunValue::bounded(number, Bound::Exact)
+    }
+
+    /// Creates a value that may be a bound.
+    pub fn bounded(number: f64, bound: Bound) -> RunValue {
         RunValue {
             number,
-            bound: Bound::Exact,
+            bound,
+            noise_ends: None,
         }
+    }
+
+    /// Returns the number with the noise of the reference as estimated, and at both ends of its
+    /// interval.
+    pub fn at_noise(&self) -> [f64; 3] {
+        let [low, high] = self.noise_ends.unwrap_or([self.number; 2]);
+        [self.number, low, high]
     }
 }
 
@@ -109,7 +125,7 @@ pub fn crossing(
     scale: impl Fn(f64) -> f64,
 ) -> Option<RunValue> {
     let (last_time, _) = *curve.last()?;
-    let bound = |number, bound| Some(RunValue { number, bound });
+    let bound = |number, bound| Some(RunValue::bounded(number, bound));
     let Some(index) = curve.iter().position(|(_, value)| reached(*value)) else {
         return bound(last_time, Bound::Lower);
     };

@@ -2,6 +2,7 @@
 
 use super::format::exact;
 use lumbre_light::math::t_test::mean_and_interval;
+use lumbre_metrics::floor::Floor;
 use lumbre_night::columns::{
     AA_CHECK, CONTROL_OF, REPEATED, REPEATED_MEANS, SUMMARY_AFTER, SUMMARY_BEFORE, names,
 };
@@ -25,7 +26,7 @@ impl ReferenceNoise {
         let metrics = plan.measure.metrics.iter();
         let known =
             metrics.map(|metric| night.runs.iter().find_map(|run| run.floor(&metric.column)));
-        let known: Vec<Option<f64>> = known.collect();
+        let known: Vec<Option<Floor>> = known.collect();
         ReferenceNoise {
             floor: (0..known.len()).filter(|i| known[*i].is_some()).collect(),
             net: net_columns(plan, &known)
@@ -88,8 +89,13 @@ fn measured_fields(plan: &Plan, run: &Run, noise: &ReferenceNoise) -> Vec<String
     fields.push(row.invalid.to_string());
     fields.extend((0..metrics.len()).map(|m| optional(row.metrics.get(m).copied())));
     let floor = |m: usize| run.floor(&metrics[m].column);
-    fields.extend(noise.floor.iter().map(|m| optional(floor(*m))));
-    let net = |m: usize| metrics[m].net(*row.metrics.get(m)?, floor(m)?);
+    fields.extend(
+        noise
+            .floor
+            .iter()
+            .map(|m| optional(floor(*m).map(|f| f.value))),
+    );
+    let net = |m: usize| metrics[m].net(*row.metrics.get(m)?, floor(m)?.value);
     fields.extend(noise.net.iter().map(|m| optional(net(*m))));
     fields
 }

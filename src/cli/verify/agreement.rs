@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
 
-use super::picture::{NoisyPicture, Setting, judge, render};
+use super::picture::{Attempt, NoisyPicture, Setting, confirmed, judge, render};
 use super::technique::{self, Technique};
 use super::{Check, VerifyRequest};
 use crate::cli::night::load;
@@ -23,23 +23,20 @@ struct SceneRenders {
     scene: Arc<CompiledScene>,
     techniques: Vec<Technique>,
     settings: Vec<Setting>,
-    pictures: RefCell<BTreeMap<usize, Rc<NoisyPicture>>>,
+    pictures: RefCell<BTreeMap<(usize, Attempt), Rc<NoisyPicture>>>,
 }
 
 impl SceneRenders {
-    fn picture(&self, index: usize) -> Result<Rc<NoisyPicture>, String> {
-        let known = self.pictures.borrow().get(&index).cloned();
+    fn picture(&self, index: usize, attempt: Attempt) -> Result<Rc<NoisyPicture>, String> {
+        let known = self.pictures.borrow().get(&(index, attempt)).cloned();
         match known {
             Some(picture) => Ok(picture),
             None => {
-                let picture = Rc::new(render(
-                    &self.scene,
-                    &self.techniques[index],
-                    self.settings[index],
-                )?);
+                let setting = attempt.setting(self.settings[index]);
+                let picture = Rc::new(render(&self.scene, &self.techniques[index], setting)?);
                 self.pictures
                     .borrow_mut()
-                    .insert(index, Rc::clone(&picture));
+                    .insert((index, attempt), Rc::clone(&picture));
                 Ok(picture)
             }
         }
@@ -137,8 +134,11 @@ fn scene_checks(
         };
         let renders = Rc::clone(renders);
         Check::new(name, compared, move |tests| {
-            let pictures = [renders.picture(first)?, renders.picture(second)?];
-            Ok(judge(&pictures[0], &pictures[1], block, tests).outcome())
+            confirmed(|attempt| {
+                let picture = |index| renders.picture(index, attempt);
+                let pictures = [picture(first)?, picture(second)?];
+                Ok(judge(&pictures[0], &pictures[1], block, tests).outcome())
+            })
         })
     };
     pairs(&renders.techniques).into_iter().map(check).collect()

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::picture::{NoisyPicture, Setting, judge, render};
+use super::picture::{NoisyPicture, Setting, confirmed, judge, render};
 use super::technique::{self, Technique};
 use super::{Check, VerifyRequest};
 use lumbre_light::film::Image;
@@ -74,7 +74,10 @@ pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
             let scene = Arc::clone(&scene);
             let compared = format!("{technique} with {}", case.formula);
             checks.push(Check::new(case.name, compared, move |tests| {
-                Ok(judge(&render(&scene, &technique, setting)?, &truth, side, tests).outcome())
+                confirmed(|attempt| {
+                    let rendered = render(&scene, &technique, attempt.setting(setting))?;
+                    Ok(judge(&rendered, &truth, side, tests).outcome())
+                })
             }));
         }
     }

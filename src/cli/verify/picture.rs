@@ -44,6 +44,49 @@ impl Setting {
     };
 }
 
+/// An attempt to judge pictures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Attempt {
+    /// The first one.
+    First,
+    /// A second one, with four times the samples and other seeds.
+    Confirmation,
+}
+
+impl Attempt {
+    /// Returns the setting of this attempt for that of the first.
+    pub fn setting(self, first: Setting) -> Setting {
+        match self {
+            Attempt::First => first,
+            Attempt::Confirmation => Setting {
+                samples: 4 * first.samples,
+                seed: !first.seed,
+                ..first
+            },
+        }
+    }
+}
+
+/// Judges pictures. A failure counts only if a second attempt finds it again, since no test allows
+/// for all that rare bright paths can do; the statement has both results.
+///
+/// # Errors
+/// Those of `judge`.
+pub fn confirmed(judge: impl Fn(Attempt) -> Result<Outcome, String>) -> Result<Outcome, String> {
+    let first = judge(Attempt::First)?;
+    if first.verdict != Verdict::Failed {
+        return Ok(first);
+    }
+    let again = judge(Attempt::Confirmation)?;
+    Ok(Outcome {
+        statement: format!(
+            "{}; with a quarter of the samples {}",
+            again.statement, first.statement
+        ),
+        ..again
+    })
+}
+
 /// A picture, the variance of its pixels, and the size of a typical contribution.
 #[derive(Clone, Debug)]
 pub struct NoisyPicture {
@@ -243,7 +286,7 @@ impl Judgement {
         self.contributions < MIN_CONTRIBUTIONS
     }
 
-    /// Formats the statistic as text.
+    /// Formats the statistic as text; ± is a 95 % confidence interval.
     pub fn statement(&self) -> String {
         let ZTest {
             comparisons,
@@ -257,7 +300,7 @@ impl Judgement {
             None => String::new(),
         };
         let ratio = if ratio.is_finite() {
-            format!("{ratio:.4} ± {:.4}", self.ratio_error)
+            format!("{ratio:.4} ± {:.4}", 1.96 * self.ratio_error)
         } else {
             "-".to_owned()
         };

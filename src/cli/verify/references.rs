@@ -19,7 +19,7 @@ use std::sync::Arc;
 use serde::Deserialize;
 use serde_json::json;
 
-use super::picture::{Judgement, NoisyPicture, Setting, judge, render};
+use super::picture::{Judgement, NoisyPicture, Setting, confirmed, judge, render};
 use super::technique::{self, Technique};
 use super::{Check, Outcome, Verdict, VerifyRequest};
 use crate::cli::night::load;
@@ -141,9 +141,11 @@ pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
                         format!("{technique} with {} surfaces", reference.surfaces.name());
                     let reference = Arc::clone(&reference);
                     checks.push(Check::new(reference.name.clone(), compared, move |tests| {
-                        Ok(reference
-                            .compare(&technique, samples, seed, threads, tests)?
-                            .outcome())
+                        confirmed(|attempt| {
+                            let setting =
+                                attempt.setting(reference.setting(samples, seed, threads));
+                            Ok(reference.compare(&technique, setting, tests)?.outcome())
+                        })
                     }));
                 }
             }
@@ -368,27 +370,30 @@ impl Surfaces {
 }
 
 impl Reference {
-    /// Renders the same picture and compares it with the reference, as one of `tests` tests.
+    /// Returns the setting in which a picture is rendered that is compared with the reference.
+    pub fn setting(&self, samples: u64, seed: u64, threads: usize) -> Setting {
+        Setting {
+            resolution: [self.picture.mean.width, self.picture.mean.height],
+            max_depth: self.max_depth.unwrap_or(UNBOUNDED),
+            rr_start: self.max_depth.is_none().then_some(self.rr_start),
+            samples,
+            seed,
+            threads,
+        }
+    }
+
+    /// Renders the same picture in a [`Reference::setting`] and compares it with the reference, as
+    /// one of `tests` tests.
     ///
     /// # Errors
     /// A message for the user if the picture cannot be rendered.
     pub fn compare(
         &self,
         technique: &Technique,
-        samples: u64,
-        seed: u64,
-        threads: usize,
+        setting: Setting,
         tests: usize,
     ) -> Result<Comparison, String> {
-        let resolution = [self.picture.mean.width, self.picture.mean.height];
-        let setting = Setting {
-            resolution,
-            max_depth: self.max_depth.unwrap_or(UNBOUNDED),
-            rr_start: self.max_depth.is_none().then_some(self.rr_start),
-            samples,
-            seed,
-            threads,
-        };
+        let resolution = setting.resolution;
         let rendered = render(&self.scene, technique, setting)?;
         if self.surfaces == Surfaces::Diffuse {
             return Ok(Comparison {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use super::experiment_text::{experiment_name, reference_technique, script_text};
-use super::verdict::{TechniqueResults, Verdict, verdicts};
+use super::verdict::{RunEfficiency, TechniqueResults, Verdict, verdicts};
 use crate::cli::args::{CompareArgs, Global, RunArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{display_path, rounded};
@@ -98,8 +98,7 @@ fn last_error<'a>(night: &'a Night, run: &Run) -> Option<(&'a MetricSpec, f64)> 
 }
 
 /// Returns the efficiencies of all finished runs by technique at the render time that all of them
-/// reached, as the report's tables at equal time. Runs whose error is not above the noise of the
-/// reference have none.
+/// reached, as the report's tables at equal time.
 fn efficiencies(night: &Night, techniques: &[String]) -> Vec<TechniqueResults> {
     let finished = night.runs.iter().filter(|run| run.is_done());
     let reached = finished.filter_map(|run| Some(run.rows.last()?.render_s));
@@ -112,13 +111,18 @@ fn efficiencies(night: &Night, techniques: &[String]) -> Vec<TechniqueResults> {
         let point = |row: &WaveRow| Some((row.render_s, *row.metrics.get(metric)?));
         let curve = MetricCurve::new(display, run.rows.iter().filter_map(point));
         let error = display.metric_value(curve.at(time_s)?);
-        efficiency(run.net_error(spec, error), time_s)
+        let [low, high] = run.net_ends(spec, error);
+        let errors = [run.net_error(spec, error), low, high];
+        Some(RunEfficiency {
+            repeat: run.repeat,
+            at_noise: errors.map(|error| efficiency(error, time_s).unwrap_or(f64::NAN)),
+        })
     };
     techniques
         .iter()
         .map(|name| TechniqueResults {
             name: name.clone(),
-            efficiencies: night
+            runs: night
                 .runs
                 .iter()
                 .filter(|run| run.integrator == *name && run.is_done())
@@ -133,26 +137,32 @@ fn sentence(verdict: &Verdict) -> String {
     let Verdict {
         better,
         worse,
-        ratio,
-        p,
-        ..
+        contrast,
     } = verdict;
-    let interval = verdict.interval.map_or_else(String::new, |[low, high]| {
+    if contrast.difference.is_nan() {
+        return format!(
+            "{better} and {worse} cannot be compared: the error of some runs is not above the noise \
+             of the reference"
+        );
+    }
+    let interval = verdict.interval().map_or_else(String::new, |[low, high]| {
         format!(" (95 %: {} to {})", rounded(low), rounded(high))
     });
-    if verdict.is_significant() {
-        format!(
-            "{better} is {} times as efficient as {worse}{interval}, p = {}",
-            rounded(*ratio),
-            rounded(*p)
-        )
-    } else {
-        format!(
+    let (ratio, p) = (rounded(verdict.ratio()), rounded(contrast.p));
+    match contrast.difference_of_means {
+        _ if contrast.is_significant() => {
+            format!("{better} is {ratio} times as efficient as {worse}{interval}, p = {p}")
+        }
+        Some(means) if !contrast.is_confirmed() => format!(
+            "no winner between {better} and {worse}: by the geometric mean over repeats the ratio of \
+             their efficiencies is {ratio}{interval}, by the mean of their errors {}: a few runs have \
+             most of the error",
+            rounded(means.exp())
+        ),
+        _ => format!(
             "no significant difference between {better} and {worse}: the ratio of their \
-             efficiencies is {}{interval}, p = {}; more repeats or time would decide",
-            rounded(*ratio),
-            rounded(*p)
-        )
+             efficiencies is {ratio}{interval}, p = {p}; more repeats or time would decide"
+        ),
     }
 }
 
@@ -161,7 +171,7 @@ fn floor_warning(night: &Night, reference: &str) -> Option<String> {
     let shares = night
         .runs
         .iter()
-        .filter_map(|run| Some(run.floor(METRIC)? / last_error(night, run)?.1));
+        .filter_map(|run| Some(run.floor(METRIC)?.value / last_error(night, run)?.1));
     let greatest = shares.fold(0.0, f64::max);
     (greatest > MAX_FLOOR_SHARE).then(|| {
         format!(
@@ -180,14 +190,18 @@ fn as_json(
 ) -> serde_json::Value {
     let techniques: Vec<_> = results
         .iter()
-        .map(|r| json!({ "technique": r.name, "efficiencies": r.efficiencies }))
+        .map(|r| {
+            let efficiencies: Vec<f64> = r.runs.iter().map(|run| run.at_noise[0]).collect();
+            json!({ "technique": r.name, "efficiencies": efficiencies })
+        })
         .collect();
     let verdicts: Vec<_> = found
         .iter()
         .map(|v| {
             json!({
-                "better": v.better, "worse": v.worse, "ratio": v.ratio, "interval": v.interval,
-                "p": v.p, "significant": v.is_significant(),
+                "better": v.better, "worse": v.worse, "ratio": v.ratio(), "interval": v.interval(),
+                "ratio_of_means": v.contrast.difference_of_means.map(f64::exp),
+                "p": v.contrast.p, "significant": v.contrast.is_significant(),
             })
         })
         .collect();
@@ -203,6 +217,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
+    use lumbre_metrics::floor::Floor;
     use lumbre_night::experiment::night::NightPlan;
     use lumbre_night::experiment::night::run::{RunPlan, RunState};
     use lumbre_night::experiment::{EndCause, Outcome};
@@ -227,7 +242,7 @@ mod tests {
             state: RunState::Ended(Outcome::Done(EndCause::other("1 s"))),
             rows: Arc::new(waves.iter().map(row).collect()),
             floors: floor
-                .map(|floor| (METRIC.to_owned(), floor))
+                .map(|floor| (METRIC.to_owned(), Floor::exact(floor)))
                 .into_iter()
                 .collect(),
             ..Run::default()
@@ -266,15 +281,19 @@ mod tests {
         let found = efficiencies(&night, &names);
         let expected = [
             ("nee", vec![1.0 / (0.005 * 2.0)]),
-            ("bpt", vec![1.0 / (0.02 * 2.0), 1.0 / (0.016 * 2.0)]),
+            (
+                "bpt",
+                vec![1.0 / (0.02 * 2.0), 1.0 / (0.016 * 2.0), f64::NAN],
+            ),
         ];
         assert_eq!(found.len(), 2);
         for (found, (name, efficiencies)) in found.iter().zip(expected) {
             assert_eq!(found.name, name);
-            assert_eq!(found.efficiencies.len(), efficiencies.len(), "{found:?}");
-            for (a, b) in found.efficiencies.iter().zip(&efficiencies) {
+            assert_eq!(found.runs.len(), efficiencies.len(), "{found:?}");
+            for (run, b) in found.runs.iter().zip(&efficiencies) {
+                let a = run.at_noise[0];
                 assert!(
-                    (a / b - 1.0).abs() < 1e-12,
+                    (a / b - 1.0).abs() < 1e-12 || a.is_nan() && b.is_nan(),
                     "{found:?}, not {efficiencies:?}"
                 );
             }

@@ -1,5 +1,6 @@
 //! References with known error: halves, shards, noise floors, and bias checks.
 
+use lumbre_metrics::floor::Floor;
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -54,7 +55,7 @@ fn lab_with(stop: StopRule, shards: u32) -> Lab {
     lab
 }
 
-fn reported_floors(recorder: &Recorder) -> Vec<Vec<Option<f64>>> {
+fn reported_floors(recorder: &Recorder) -> Vec<Vec<Option<Floor>>> {
     let reported = |e: &Event| {
         if let Event::NoiseFloors { floors, .. } = e {
             Some(floors.to_vec())
@@ -103,7 +104,7 @@ fn a_reference_consists_of_two_halves_and_its_noise_floor_is_its_error() {
     // 9216 normal values: the square root of their mean square is within 3 % at four standard
     // errors.
     assert!(
-        (floor.unwrap() / expected - 1.0).abs() < 0.03,
+        (floor.unwrap().value / expected - 1.0).abs() < 0.03,
         "{floor:?} {expected}"
     );
     assert_eq!(
@@ -284,7 +285,7 @@ fn stored_halves_give_the_noise_floors_once_and_broken_halves_give_a_warning() {
     let (_, recorder) = night.record(&lab);
     let reported = reported_floors(&recorder);
     assert_eq!(reported.len(), 1, "both cells share the noise floor");
-    assert!((reported[0][0].unwrap() - 0.1).abs() < 1e-6);
+    assert!((reported[0][0].unwrap().value - 0.1).abs() < 1e-6);
     night
         .history
         .halves
@@ -350,7 +351,10 @@ fn a_metric_that_cannot_be_computed_has_no_floor() {
         means: [image.clone(), image.clone()],
         samples: [1, 1],
     };
-    assert_eq!(floors(&metrics, &image, &halves), [Some(0.0), None]);
+    assert_eq!(
+        floors(&metrics, &image, &halves),
+        [Some(Floor::exact(0.0)), None]
+    );
 }
 
 /// Returns an experiment whose reference has a bias check by `nee`.

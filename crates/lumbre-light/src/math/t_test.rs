@@ -41,9 +41,15 @@ pub fn two_sided_t(p: f64, dof: f64) -> f64 {
 pub fn mean_and_interval(values: &[f64]) -> (f64, Option<f64>) {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
-    let half = (values.len() > 1)
-        .then(|| two_sided_t(0.05, n - 1.0) * (variance(values, mean) / n).sqrt());
+    let half = (values.len() > 1).then(|| two_sided_t(0.05, n - 1.0) * standard_error(values));
     (mean, half)
+}
+
+/// Returns the standard error of the mean of some values, of which there are at least two.
+pub fn standard_error(values: &[f64]) -> f64 {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    (variance(values, mean) / n).sqrt()
 }
 
 /// Returns the two-sided p-value of Welch's test that two samples have the same mean [Welch 1947].

@@ -10,6 +10,7 @@ use lumbre_light::film::Image;
 use lumbre_light::film::ztest::{self, Blocks, Estimate, Judged};
 use lumbre_light::math::false_discovery_rate::discoveries;
 use lumbre_light::math::stats::normal_two_sided_p;
+use lumbre_light::math::t_test::two_sided_t;
 use lumbre_metrics::map::{Colours, ErrorMap};
 
 /// Side of a block in pixels; small pictures use smaller blocks.
@@ -47,17 +48,29 @@ impl BiasCheckResult {
         self.differing.is_empty() && !self.whole_differs
     }
 
-    /// Describes the result in one sentence.
+    /// Returns the least relative bias of the total light that a comparison of this precision finds
+    /// with a probability of 80 %.
+    pub fn least_bias(&self) -> f64 {
+        // 0.84 is the deviate that 80 % of normal numbers are below.
+        let level = self.rate / self.comparisons.max(1) as f64;
+        (normal_quantile(level) + 0.84) * self.ratio_error / self.ratio
+    }
+
+    /// Describes the result in one sentence. The interval of the ratio is a 95 % confidence
+    /// interval.
     pub fn describe(&self) -> String {
-        let ratio = format!("ratio {:.4} ± {:.4}", self.ratio, self.ratio_error);
+        let half = normal_quantile(0.05) * self.ratio_error;
+        let ratio = format!("ratio {:.4} ± {half:.4}", self.ratio);
         if self.comparisons == 0 {
             return "too little light was found to compare the pictures".to_owned();
         }
         let level = format!("false discovery rate {}", self.rate);
         if self.agrees() {
             return format!(
-                "none of {} comparisons differs ({ratio}, {level})",
-                self.comparisons
+                "none of {} comparisons differs ({ratio}, a bias of the total light below {:.2} % may \
+                 be missed, {level})",
+                self.comparisons,
+                100.0 * self.least_bias()
             );
         }
         let place = match self.differing.first() {
@@ -123,6 +136,11 @@ pub fn check_bias(reference: Estimate, second: Estimate, rate: f64) -> BiasCheck
         ratio,
         ratio_error: ratio * (ea / a).hypot(eb / b),
     }
+}
+
+/// Returns the standard normal deviate whose two-sided p-value this is.
+fn normal_quantile(p: f64) -> f64 {
+    two_sided_t(p, 1e9)
 }
 
 /// Typical contribution of one sample with light to a pixel's mean. A sum of n rare contributions

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use super::plan::Plan;
 use lumbre_light::film::Image;
 use lumbre_metrics::MetricSpec;
-use lumbre_metrics::floor::Halves;
+use lumbre_metrics::floor::{Floor, Halves};
 
 /// The value that the true picture would measure against one reference, for each metric in the
 /// order of the plan's columns; `None` for metrics without a floor. Empty if the noise of the
 /// reference is not known.
-pub type NoiseFloors = Arc<Vec<Option<f64>>>;
+pub type NoiseFloors = Arc<Vec<Option<Floor>>>;
 
 /// Pictures of the two independent halves of a reference.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,7 +39,11 @@ impl HalfImages {
 
 /// Returns the noise floor of each metric against a reference. A metric that cannot be computed has
 /// none; its error is reported when it is measured.
-pub fn floors(metrics: &[MetricSpec], reference: &Image, halves: &HalfImages) -> Vec<Option<f64>> {
+pub fn floors(
+    metrics: &[MetricSpec],
+    reference: &Image,
+    halves: &HalfImages,
+) -> Vec<Option<Floor>> {
     let means = [&halves.means[0], &halves.means[1]];
     let floor = |m: &MetricSpec| {
         m.floor(
@@ -58,13 +62,13 @@ pub fn floors(metrics: &[MetricSpec], reference: &Image, halves: &HalfImages) ->
 /// Returns the columns of net errors, from which the noise of the reference is subtracted, such as
 /// `rmse_net` for `rmse`, each with the index of its metric. Omitted are metrics without a floor or
 /// without a net error, and columns whose name a script has given to another metric.
-pub fn net_columns(plan: &Plan, floors: &[Option<f64>]) -> Vec<(usize, String)> {
+pub fn net_columns(plan: &Plan, floors: &[Option<Floor>]) -> Vec<(usize, String)> {
     let metrics = &plan.measure.metrics;
     let known = metrics
         .iter()
         .zip(floors)
         .enumerate()
-        .filter(|(_, (m, f))| f.is_some_and(|f| m.net(1.0, f).is_some()));
+        .filter(|(_, (m, f))| f.is_some_and(|f| m.net(1.0, f.value).is_some()));
     let named = known.map(|(i, (m, _))| (i, format!("{}_net", m.column)));
     named
         .filter(|(_, name)| metrics.iter().all(|m| m.column != *name))
@@ -72,11 +76,11 @@ pub fn net_columns(plan: &Plan, floors: &[Option<f64>]) -> Vec<(usize, String)> 
 }
 
 /// Returns the values of [`net_columns`] for the given metric values; NaN where a value is missing.
-pub fn net_values(plan: &Plan, floors: &[Option<f64>], metrics: &[f64]) -> Vec<f64> {
+pub fn net_values(plan: &Plan, floors: &[Option<Floor>], metrics: &[f64]) -> Vec<f64> {
     let net = |(i, _): (usize, String)| {
         let value = metrics.get(i).copied().zip(floors[i]);
         value
-            .and_then(|(value, floor)| plan.measure.metrics[i].net(value, floor))
+            .and_then(|(value, floor)| plan.measure.metrics[i].net(value, floor.value))
             .unwrap_or(f64::NAN)
     };
     net_columns(plan, floors).into_iter().map(net).collect()

@@ -62,7 +62,9 @@ fn sentences(study: &Study) -> Vec<String> {
     out.push("Curves are means over repeats with 95 % confidence intervals.".to_owned());
     out.push(
         "In tables, the best value of a row is bold only if it is significantly better than every \
-         other value at 5 % (Welch's test [Welch 1947] with Holm's correction [Holm 1979])."
+         other value at 5 %: Student's t of the differences of repeats, or Welch's test [Welch 1947] \
+         where repeats differ, corrected for the number of pairs [Dunn 1961]. The error of the \
+         reference's noise is part of the test."
             .to_owned(),
     );
     out.push(format!("Figures and tables were made with {}.", program()));

@@ -5,6 +5,7 @@ mod presentation;
 mod sweep;
 mod verdict;
 
+use lumbre_metrics::floor::Floor;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -134,7 +135,7 @@ fn run(
             accel_cost: 9.5,
             ..OpenStats::default()
         }),
-        floors: vec![("rmse".to_owned(), 0.004)],
+        floors: vec![("rmse".to_owned(), Floor::exact(0.004))],
         ..Run::default()
     }
 }
@@ -650,7 +651,7 @@ fn each_series_is_compared_with_its_own_reference() {
     }));
     for run in own.runs.iter_mut().filter(|run| run.integrator == "nee") {
         planned(run).reference = Some(1);
-        Arc::make_mut(run).floors = vec![("rmse".to_owned(), 0.01)];
+        Arc::make_mut(run).floors = vec![("rmse".to_owned(), Floor::exact(0.01))];
     }
     // The reference of nee and its picture are brighter by the same factor, so its error is small.
     let brighter = |path: &Path| {

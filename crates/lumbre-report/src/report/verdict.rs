@@ -1,9 +1,12 @@
 //! The answer of a study in short: which series is best at equal render time, for every facet and
 //! metric, and what weakens the answer. Everything is read from the report's tables.
 
+use std::collections::BTreeSet;
+
 use super::item::ReportItem;
 use super::study::Study;
 use crate::clock;
+use crate::comparison::{Contrast, LEVEL};
 use crate::format::significant;
 use crate::lanes;
 use crate::metric_display::MetricDisplay;
@@ -27,9 +30,27 @@ pub struct Winner {
     pub is_significant: bool,
     /// The next best error divided by this one's; `None` for metrics without a logarithmic scale.
     pub ratio: Option<f64>,
+    /// Comparison with the next best; `None` if they could not be compared.
+    pub contrast: Option<Contrast>,
+    /// Whether it would be significantly best, if the mean of the errors themselves confirmed it.
+    pub unconfirmed: bool,
 }
 
 impl Winner {
+    /// Returns the 95 % interval of the ratio and its p-value, such as ` (95 %: 1.8 to 3.1, p =
+    /// 0.004)`; empty if they are not known.
+    fn certainty(&self) -> String {
+        let contrast = self.contrast.filter(|_| self.ratio.is_some());
+        let certainty = |contrast: Contrast| {
+            let [low, high] = contrast.interval?.map(|end| significant(end.exp(), 2));
+            Some(format!(
+                " (95 %: {low} to {high}, p = {})",
+                significant(contrast.p, 2)
+            ))
+        };
+        contrast.and_then(certainty).unwrap_or_default()
+    }
+
     /// Formats the winner, such as `bdpt (2.3x)`, or says that there is none.
     pub fn text(&self) -> String {
         match (self.is_significant, self.ratio) {
@@ -84,7 +105,8 @@ impl Verdict {
             sentences.splice(0..0, study.biased_references());
         }
         verdict.sentences = sentences;
-        verdict.caveats = caveats(study, &tables);
+        verdict.caveats = verdict.columns.iter().filter_map(unconfirmed).collect();
+        verdict.caveats.extend(caveats(study, &tables));
         verdict
     }
 
@@ -127,8 +149,8 @@ impl Verdict {
 
 /// Explanation of the table of winners.
 pub const EXPLANATION: &str = "The best mean at equal render time, where it is significantly \
-    better than every other at 5 % (Welch's test over repeats, Holm's correction). In parentheses: \
-    the next best error divided by it.";
+    better than every other: together all claims of a row are false in at most 5 % of nights. In \
+    parentheses: the next best error divided by it.";
 
 /// Returns whether a metric is the root of another one that is shown: it has the same winners.
 pub(super) fn is_root_of_shown(study: &Study, metric: usize) -> bool {
@@ -191,17 +213,21 @@ fn winner(display: MetricDisplay, labels: &[String], cells: &[TableCell]) -> Opt
         } else {
             -drawn
         };
-        Some((score, label, cell.best))
+        Some((score, label, cell))
     });
-    let mut scored: Vec<(f64, &String, bool)> = scored.collect();
+    let mut scored: Vec<(f64, &String, &TableCell)> = scored.collect();
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
     let [first, second, ..] = scored.as_slice() else {
         return None;
     };
+    let contrasts = || scored.iter().filter_map(|(_, _, cell)| cell.contrast);
+    let leads = contrasts().all(|contrast| contrast.p < LEVEL);
     Some(Winner {
         label: first.1.clone(),
-        is_significant: first.2,
+        is_significant: first.2.best,
         ratio: (display.scale == Scale::Log).then(|| second.0 / first.0),
+        contrast: second.2.contrast,
+        unconfirmed: leads && !first.2.best && contrasts().any(|c| !c.is_confirmed()),
     })
 }
 
@@ -223,8 +249,9 @@ fn sentence(column: &Column) -> String {
         (1, [(label, _)]) => {
             let ratio = compared[0].ratio.map_or(String::new(), |ratio| {
                 format!(
-                    "; the next best is {} times as large",
-                    significant(ratio, 2)
+                    "; the next best is {} times as large{}",
+                    significant(ratio, 2),
+                    compared[0].certainty()
                 )
             });
             format!("{heading} at equal time: {label} is significantly best{ratio}.")
@@ -248,6 +275,25 @@ fn sentence(column: &Column) -> String {
             text + "."
         }
     }
+}
+
+/// Returns a sentence if a winner is not named because the mean of the errors does not confirm it.
+fn unconfirmed(column: &Column) -> Option<String> {
+    let winners = column.winners.iter().flatten();
+    let labels: BTreeSet<&str> = winners
+        .filter(|w| w.unconfirmed)
+        .map(|w| &*w.label)
+        .collect();
+    (!labels.is_empty()).then(|| {
+        let labels: Vec<&str> = labels.into_iter().collect();
+        format!(
+            "{}: {} leads in a typical run, but not in the mean over runs: a few runs have most of \
+             the error, as where a light is found by few paths. No winner is named; more repeats or \
+             time would tell.",
+            column.heading,
+            labels.join(", ")
+        )
+    })
 }
 
 /// Returns a sentence if some series traced one path at a time and others many.
@@ -376,6 +422,8 @@ mod tests {
                 label: label.to_owned(),
                 is_significant,
                 ratio: Some(2.0),
+                contrast: None,
+                unconfirmed: false,
             })
         };
         let column = Column {

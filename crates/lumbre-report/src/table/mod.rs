@@ -9,6 +9,7 @@ mod latex;
 pub(super) mod markdown;
 pub(super) mod ranking;
 
+use super::comparison::Contrast;
 use super::format::significant;
 use super::provenance::Provenance;
 use super::quantity::{Bound, RunValue};
@@ -35,6 +36,8 @@ pub struct TableCell {
     pub interval: Option<Interval>,
     /// Whether the number is significantly better than all others of its group.
     pub best: bool,
+    /// Comparison of the best number of its group with this one; `None` for the best.
+    pub contrast: Option<Contrast>,
     /// Whether the number of a run is dominated by the noise of its reference.
     pub at_floor: bool,
     /// Number of runs averaged.

@@ -1,17 +1,12 @@
-//! Marks the best value of a table row if it is significantly better than every other one.
-//!
-//! The best mean is compared with every other by Welch's test over repeats, on logarithms for
-//! metrics with a logarithmic axis and for times and rates. All tests must be significant at 5 %
-//! with Holm's correction. Means and their intervals are computed on the same scale.
+//! Scales on which values are averaged and compared: logarithms for metrics with a logarithmic axis
+//! and for times and rates.
 
 use super::Interval;
+use crate::comparison::{Comparison, Score, ScoreScale};
 use crate::metric_display::MetricDisplay;
 use crate::plot::axis::Scale;
 use crate::quantity::{Bound, RunValue};
-use lumbre_light::math::t_test::{mean_and_interval, welch_p};
-
-/// Significance level of bold values.
-const ALPHA: f64 = 0.05;
+use lumbre_light::math::t_test::mean_and_interval;
 
 /// Order of values and the scale on which they are compared.
 #[derive(Clone, Copy)]
@@ -76,54 +71,45 @@ impl Ranking {
         (self.unscaled(mean), interval)
     }
 
-    /// Converts a value to a number of which smaller is better. Returns `None` for bounds and for
-    /// values that the scale of comparison does not accept.
-    fn score(self, value: &RunValue) -> Option<f64> {
-        if value.bound != Bound::Exact {
+    /// Converts a value to a number of which smaller is better; NaN if the scale of comparison does
+    /// not accept it.
+    fn score(self, value: f64) -> f64 {
+        let scaled = self.scaled(value).unwrap_or(f64::NAN);
+        match self {
+            Ranking::HigherRate => -scaled,
+            Ranking::LowerError(display) if display.scale == Scale::Linear => -scaled,
+            Ranking::Unranked | Ranking::LowerError(_) | Ranking::ShorterTime => scaled,
+        }
+    }
+
+    fn score_scale(self) -> ScoreScale {
+        match self {
+            Ranking::LowerError(display) if display.scale == Scale::Linear => ScoreScale::Linear,
+            Ranking::LowerError(display) if display.is_root() => ScoreScale::LogarithmOfRoot,
+            _ => ScoreScale::Logarithm,
+        }
+    }
+
+    /// Compares the values of some columns, each with the number of its repeat. A column with a
+    /// lower bound, such as the time of a run that did not reach a threshold, is left out. With an
+    /// upper bound, which may be better than any other value, nothing is compared.
+    pub fn compare(self, columns: &[Vec<(u32, RunValue)>]) -> Option<Comparison> {
+        let bounds = || columns.iter().flatten().map(|(_, value)| value.bound);
+        let is_open = bounds().any(|bound| matches!(bound, Bound::Upper | Bound::Either));
+        if matches!(self, Ranking::Unranked) || is_open {
             return None;
         }
-        let scaled = self.scaled(value.number)?;
-        match self {
-            Ranking::Unranked => None,
-            Ranking::HigherRate => Some(-scaled),
-            Ranking::LowerError(display) if display.scale == Scale::Linear => Some(-scaled),
-            Ranking::LowerError(_) | Ranking::ShorterTime => Some(scaled),
-        }
+        let score = |(repeat, value): &(u32, RunValue)| Score {
+            repeat: *repeat,
+            at_noise: value.at_noise().map(|number| self.score(number)),
+        };
+        let scores = |column: &Vec<(u32, RunValue)>| -> Vec<Score> {
+            let is_exact = column.iter().all(|(_, value)| value.bound == Bound::Exact);
+            column.iter().filter(|_| is_exact).map(score).collect()
+        };
+        let arms: Vec<Vec<Score>> = columns.iter().map(scores).collect();
+        Comparison::new(&arms, self.score_scale())
     }
-}
-
-/// Returns the index of the best of several samples if it is significantly better than every other.
-/// Samples with a value that has no score are ignored. With an upper bound, which may be better than
-/// any other value, there is no best one.
-pub fn significant_best(samples: &[Vec<RunValue>], ranking: Ranking) -> Option<usize> {
-    let scores = |list: &Vec<RunValue>| -> Option<Vec<f64>> {
-        list.iter().map(|value| ranking.score(value)).collect()
-    };
-    let columns: Vec<(usize, Vec<f64>)> = samples
-        .iter()
-        .enumerate()
-        .filter(|(_, list)| !list.is_empty())
-        .filter_map(|(i, list)| Some((i, scores(list)?)))
-        .collect();
-    let is_open = |value: &RunValue| matches!(value.bound, Bound::Upper | Bound::Either);
-    if columns.len() < 2 || samples.iter().flatten().any(is_open) {
-        return None;
-    }
-    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-    let (best, best_scores) = columns
-        .iter()
-        .min_by(|a, b| mean(&a.1).total_cmp(&mean(&b.1)))?;
-    let mut p: Vec<f64> = columns
-        .iter()
-        .filter(|(i, _)| i != best)
-        .map(|(_, other)| welch_p(best_scores, other))
-        .collect();
-    p.sort_by(f64::total_cmp);
-    let tests = p.len();
-    p.iter()
-        .enumerate()
-        .all(|(i, p)| *p <= ALPHA / (tests - i) as f64)
-        .then_some(*best)
 }
 
 #[cfg(test)]
@@ -133,8 +119,9 @@ mod tests {
     use super::*;
     use lumbre_metrics::MetricSpec;
 
-    fn exact(values: &[f64]) -> Vec<RunValue> {
-        values.iter().map(|v| RunValue::exact(*v)).collect()
+    fn exact(values: &[f64]) -> Vec<(u32, RunValue)> {
+        let values = values.iter().map(|v| RunValue::exact(*v));
+        (0..).zip(values).collect()
     }
 
     #[test]
@@ -161,50 +148,9 @@ mod tests {
         );
     }
 
-    /// Returns times whose Welch test against `times_with_p(1.0)` has this p-value. Their logarithms
-    /// are -1, 0 and 1 plus a mean, so the test has 4 degrees of freedom.
-    fn times_with_p(p: f64) -> Vec<RunValue> {
-        // Student's t distribution in closed form for 4 degrees of freedom, inverted by bisection.
-        let p_of = |t: f64| 1.0 - t * (t * t + 6.0) / (t * t + 4.0).powf(1.5);
-        let (mut low, mut high) = (0.0, 100.0);
-        for _ in 0..100 {
-            let middle = 0.5 * (low + high);
-            if p_of(middle) > p {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-        let mean = low * (2.0f64 / 3.0).sqrt();
-        exact(&[-1.0, 0.0, 1.0].map(|x| f64::exp(x + mean)))
-    }
-
-    #[test]
-    fn the_tests_of_the_best_are_corrected_by_holm() {
-        // The i-th smallest of n p-values must be at most 0.05 / (n - i), counted from 0.
-        for (p, is_best) in [
-            (&[0.049][..], true),
-            (&[0.051], false),
-            (&[0.049, 0.024], true),
-            (&[0.049, 0.026], false),
-            (&[0.051, 0.001], false),
-            // Bonferroni's correction would compare all three with 0.0167.
-            (&[0.049, 0.016, 0.024], true),
-            (&[0.016, 0.024, 0.049], true),
-            (&[0.024, 0.049, 0.001], true),
-            (&[0.016, 0.016, 0.016], true),
-            (&[0.049, 0.017, 0.024], false),
-            (&[0.026, 0.001, 0.026], false),
-        ] {
-            let best = std::iter::once(times_with_p(1.0));
-            let samples: Vec<_> = best.chain(p.iter().map(|p| times_with_p(*p))).collect();
-            let expected = is_best.then_some(0);
-            assert_eq!(
-                significant_best(&samples, Ranking::ShorterTime),
-                expected,
-                "{p:?}"
-            );
-        }
+    fn significant_best(columns: &[Vec<(u32, RunValue)>], ranking: Ranking) -> Option<usize> {
+        let comparison = ranking.compare(columns)?;
+        comparison.is_significant().then_some(comparison.best)
     }
 
     #[test]

@@ -230,7 +230,7 @@ fn difference(all: &[MetricSpec], metric: usize, frames: &[Arc<Frame>; SLOTS]) -
             means: [&means[0], &means[1]],
             samples,
         };
-        spec.floor(&frame.image, halves).ok().flatten()
+        Some(spec.floor(&frame.image, halves).ok()??.value)
     };
     let known = spec.sum_of_noise([0.0; 2]).is_some();
     let both = known.then(|| Some([noise(a)?, noise(b)?])).flatten();

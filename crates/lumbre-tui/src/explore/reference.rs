@@ -80,7 +80,10 @@ impl Reference {
             means: [&means[0], &means[1]],
             samples,
         };
-        let floor = |spec: &MetricSpec| spec.floor(&self.frame.image, halves).ok().flatten();
+        let floor = |spec: &MetricSpec| {
+            let floor = spec.floor(&self.frame.image, halves).ok().flatten();
+            floor.map(|floor| floor.value)
+        };
         metrics.iter().map(floor).collect()
     }
 }

@@ -50,7 +50,14 @@ impl Recorder<'_> {
             invalid: last.invalid,
             first_invalid: last.first_invalid,
             metrics: named(&columns, metrics),
-            floors: floors.map(|floors| named(&columns, floors.iter().copied())),
+            floors: floors.map(|floors| {
+                let values = floors.iter().map(|floor| floor.map(|f| f.value));
+                named(&columns, values)
+            }),
+            floor_errors: floors.map(|floors| {
+                let errors = floors.iter().map(|floor| Some(floor.as_ref()?.error));
+                named(&columns, errors.map(|e| e.filter(|error| *error > 0.0)))
+            }),
             net,
             halves: run.halves,
             films,

@@ -9,6 +9,7 @@ use crate::experiment::event::Event;
 use crate::experiment::noise_floor::NoiseFloors;
 use crate::experiment::outcome::{CellRef, Outcome, WaveRow};
 use crate::experiment::shards::Shard;
+use lumbre_metrics::floor::Floor;
 
 impl Night {
     /// Follows an event. Events about cells that the plan does not have change nothing, so any
@@ -118,7 +119,7 @@ impl Night {
         open: Option<&lumbre_render::OpenStats>,
     ) {
         let columns = self.plan.metrics.iter().map(|metric| &metric.column);
-        let known: Vec<(String, f64)> = columns
+        let known: Vec<(String, Floor)> = columns
             .zip(floors.iter())
             .filter_map(|(column, floor)| Some((column.clone(), (*floor)?)))
             .collect();

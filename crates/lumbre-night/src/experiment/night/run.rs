@@ -9,6 +9,7 @@ use crate::experiment::spec::Point;
 use crate::experiment::stop::StopRule;
 use lumbre_light::scene::SceneDesc;
 use lumbre_metrics::MetricSpec;
+use lumbre_metrics::floor::Floor;
 use lumbre_render::{OpenStats, Peer, Settings};
 
 /// State of a run.
@@ -141,7 +142,7 @@ pub struct Run {
     /// Cost of opening its renderer.
     pub open: Option<OpenStats>,
     /// Noise floors of its reference by column: the values that the true picture would measure.
-    pub floors: Vec<(String, f64)>,
+    pub floors: Vec<(String, Floor)>,
     /// Folder of the run, which may not exist; empty if the night is not read from files.
     pub folder: PathBuf,
     /// Stored pictures in ascending order of samples per pixel. If the run is done, the last one is
@@ -197,7 +198,7 @@ impl Run {
     }
 
     /// Returns the noise floor of its reference for a column, if it is known.
-    pub fn floor(&self, column: &str) -> Option<f64> {
+    pub fn floor(&self, column: &str) -> Option<Floor> {
         let mut floors = self.floors.iter();
         let floor = floors.find(|(name, _)| name == column);
         floor.map(|(_, floor)| *floor)
@@ -206,8 +207,19 @@ impl Run {
     /// Returns the error of a metric without the noise of the reference, where that is known.
     pub fn net_error(&self, spec: &MetricSpec, error: f64) -> f64 {
         self.floor(&spec.column)
-            .and_then(|floor| spec.net(error, floor))
+            .and_then(|floor| spec.net(error, floor.value))
             .unwrap_or(error)
+    }
+
+    /// Returns the errors of [`Run::net_error`] if the noise of the reference is at the lower and
+    /// the upper end of its confidence interval.
+    pub fn net_ends(&self, spec: &MetricSpec, error: f64) -> [f64; 2] {
+        let floor = self.floor(&spec.column).map(Floor::ends);
+        let net = |floor: [f64; 2]| {
+            let [low, high] = floor.map(|floor| spec.net(error, floor));
+            Some([low?, high?])
+        };
+        floor.and_then(net).unwrap_or([error; 2])
     }
 
     /// Returns the samples per pixel per second of render time over the whole run; `None` before

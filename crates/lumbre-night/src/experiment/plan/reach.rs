@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::Plan;
 use crate::experiment::stop::{Comparison, StopRule};
 use lumbre_metrics::Better;
+use lumbre_metrics::floor::Floor;
 
 /// Returns a warning for every threshold, in the stop rules of the cells measured against a
 /// reference, that even the true picture would not reach. `measured` are the indices of these cells,
@@ -12,7 +13,7 @@ use lumbre_metrics::Better;
 pub fn unreachable_thresholds(
     plan: &Plan,
     measured: &[usize],
-    floors: &[Option<f64>],
+    floors: &[Option<Floor>],
 ) -> Vec<String> {
     let mut found: BTreeMap<String, (usize, f64)> = BTreeMap::new();
     for cell in measured {
@@ -31,7 +32,7 @@ pub fn unreachable_thresholds(
             else {
                 return;
             };
-            let Some(floor) = floors.get(metric).copied().flatten() else {
+            let Some(Floor { value: floor, .. }) = floors.get(metric).copied().flatten() else {
                 return;
             };
             let beyond = match (plan.measure.metrics[metric].row.better, op) {

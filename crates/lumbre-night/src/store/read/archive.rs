@@ -281,9 +281,8 @@ fn load_finished(
     if let Some(column) = lacking {
         return Err(format!("{} has no column {column}", metrics_csv::FILE));
     }
-    let floor = |column: &String| Some(results.floors.as_ref()?.get(column)?.0);
     let floors = if results.floors.is_some() {
-        columns.iter().map(floor).collect()
+        columns.iter().map(|column| results.floor(column)).collect()
     } else {
         Vec::new()
     };

@@ -84,10 +84,11 @@ fn read_run(
         Some(_) => Vec::new(),
         None => run.pictures(done.as_deref()),
     };
-    let floors = results.and_then(|results| results.floors.as_ref());
-    let floors = floors.map(|floors| {
-        let floors = floors.0.iter();
-        floors.map(|(name, x)| (name.clone(), x.0)).collect()
+    let floors = results.and_then(|results| Some((results, results.floors.as_ref()?)));
+    let floors = floors.map(|(results, floors)| {
+        let columns = floors.0.iter().map(|(column, _)| column);
+        let known = columns.filter_map(|c| Some((c.clone(), results.floor(c)?)));
+        known.collect()
     });
     Run {
         planned,

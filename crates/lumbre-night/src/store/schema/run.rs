@@ -12,6 +12,7 @@ use crate::experiment::bias_check::BiasCheckResult;
 use crate::experiment::night::reference::BiasCheckSummary;
 use lumbre_light::film::ztest::Judged;
 use lumbre_light::value::Value;
+use lumbre_metrics::floor::Floor;
 use lumbre_render::settings::{Settings, StoredSettings};
 use lumbre_render::{Device, Peer};
 
@@ -208,6 +209,9 @@ records! {
         pub metrics: Named<Real>,
         /// Noise floor of its reference by column; `null` if it is not known.
         pub floors: Option<Named<Real>>,
+        /// Standard error of each noise floor by column, where it is known.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub floor_errors: Option<Named<Real>>,
         /// Last value of every metric without the noise of the reference, by the names of the
         /// columns in `metrics.csv`.
         pub net: Option<Named<Real>>,
@@ -370,6 +374,19 @@ impl super::StoredFile for DoneFile {
         } else {
             Err(super::wrong_checksum())
         }
+    }
+}
+
+impl RunResults {
+    /// The noise floor of its reference for a column, if it is known.
+    pub fn floor(&self, column: &str) -> Option<Floor> {
+        let errors = self.floor_errors.as_ref();
+        Some(Floor {
+            value: self.floors.as_ref()?.get(column)?.0,
+            error: errors
+                .and_then(|errors| errors.get(column))
+                .map_or(0.0, |error| error.0),
+        })
     }
 }
 

@@ -76,9 +76,8 @@ pub(in crate::report) fn line_of_repeats(
         .filter_map(|(_, c)| c.points.last().copied())
         .collect();
     let floors = members.iter().filter_map(|member| {
-        let mut floors = member.run.floors.iter();
-        let (_, floor) = floors.find(|(c, _)| *c == study.metrics[metric].column)?;
-        display.drawn_value(*floor)
+        let floor = member.run.floor(&study.metrics[metric].column)?;
+        display.drawn_value(floor.value)
     });
     let floor = floors.reduce(f64::max);
     let curves: Vec<MetricCurve> = curves

@@ -168,7 +168,7 @@ fn run_data(
         .map(|metric| {
             let mut floors = run.floors.iter();
             let floor = floors.find(|(column, _)| *column == metric.column);
-            number(floor.map(|(_, value)| *value))
+            number(floor.map(|(_, floor)| floor.value))
         })
         .collect();
     let rows: Vec<Vec<Json>> = run

@@ -168,6 +168,7 @@ pub fn references(
                 }
                 references.by_series[series] = Some(references.all.len());
                 let floor = noise_metric.and_then(|m| member.run.floor(&study.metrics[m].column));
+                let floor = floor.map(|floor| floor.value);
                 references.all.push(Reference {
                     image,
                     description: reference.origin.describe(),

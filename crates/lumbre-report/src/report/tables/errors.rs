@@ -89,9 +89,16 @@ pub(super) fn efficiency(study: &Study) -> Option<Table> {
     let mut table = fill_table(study, table, Ranking::HigherRate, |_, m| {
         let last = m.run.rows.last()?;
         let error = m.value(last, metric)?;
-        let error = m.run.net_error(spec, error);
-        let squared = if is_root { error * error } else { error };
-        run::efficiency(squared, last.render_s).map(RunValue::exact)
+        let efficiency = |error: f64| {
+            let squared = if is_root { error * error } else { error };
+            run::efficiency(squared, last.render_s)
+        };
+        let ends = m.run.net_ends(spec, error).map(efficiency);
+        Some(RunValue {
+            // An error that is not above the noise of the reference has no efficiency.
+            noise_ends: Some(ends.map(|end| end.unwrap_or(f64::NAN))),
+            ..RunValue::exact(efficiency(m.run.net_error(spec, error))?)
+        })
     });
     mark_noise_floors(study, &mut table, metric, |_, m| {
         m.value(m.run.rows.last()?, metric)
@@ -155,8 +162,11 @@ pub(super) fn equal_time(study: &Study, options: &ReportOptions, metric: usize) 
         Some(display.metric_value(drawn))
     };
     let mut table = fill_table(study, table, ranking, |facet, m| {
-        let error = m.run.net_error(spec, at_time(facet, m)?);
-        Some(RunValue::exact(error))
+        let error = at_time(facet, m)?;
+        Some(RunValue {
+            noise_ends: Some(m.run.net_ends(spec, error)),
+            ..RunValue::exact(m.run.net_error(spec, error))
+        })
     });
     mark_noise_floors(study, &mut table, metric, at_time);
     table.label_headers.push("time (s)".to_owned());

@@ -12,14 +12,14 @@ use super::item::ReportItem;
 use super::study::{Member, ReportOptions, Study};
 use crate::provenance::Provenance;
 use crate::quantity::{Bound, RunValue};
-use crate::table::ranking::{Ranking, significant_best};
+use crate::table::ranking::Ranking;
 use crate::table::{Digits, Table, TableCell, TableKind};
 pub(super) use errors::{common_error, common_time};
 
 /// Explanation of bold and ± at the end of captions. The HTML page shows it once.
 pub(super) const TEST: &str = "Bold: best value of its row and group, significantly better than \
-    every other at 5 % (Welch's test over repeats, Holm's correction). Means and intervals are on \
-    the scale of the test. ×÷: geometric mean, and the factor by which its 95 % confidence \
+    every other at 5 % (repeats as pairs, corrected for all pairs of the row). Means and intervals \
+    are on the scale of the test. ×÷: geometric mean, and the factor by which its 95 % confidence \
     interval reaches down and up. ±, and ends in parentheses: 95 % confidence interval of the \
     mean.";
 
@@ -166,7 +166,7 @@ fn fill_table(
     value: impl Fn(usize, &Member) -> Option<RunValue>,
 ) -> Table {
     for facet in 0..study.facets.len() {
-        let (mut samples, mut cells): (Vec<Vec<RunValue>>, Vec<TableCell>) = Default::default();
+        let (mut samples, mut cells): (Vec<Vec<_>>, Vec<TableCell>) = Default::default();
         let mut complete = Vec::new();
         for series in 0..study.series.len() {
             let finished = study.finished(facet, series);
@@ -179,15 +179,20 @@ fn fill_table(
                 run_ids,
                 ..TableCell::mean(&values, ranking)
             });
-            samples.push(values);
+            let repeats = finished.iter().filter(|m| value(facet, m).is_some());
+            samples.push(repeats.map(|m| m.run.repeat).zip(values).collect());
         }
         let mut first = 0;
         for (_, span) in &table.groups {
-            // A finished run without a value might have been better, so no value is marked then.
-            let is_complete = complete[first..first + span].iter().all(|all| *all);
-            let best = significant_best(&samples[first..first + span], ranking);
-            if let Some(best) = best.filter(|_| is_complete) {
-                cells[first + best].best = true;
+            let group = first..first + span;
+            // A finished run without a value might have been better, so nothing is compared then.
+            let is_complete = complete[group.clone()].iter().all(|all| *all);
+            let comparison = ranking.compare(&samples[group.clone()]);
+            if let Some(comparison) = comparison.filter(|_| is_complete) {
+                cells[first + comparison.best].best = comparison.is_significant();
+                for (cell, contrast) in cells[group].iter_mut().zip(comparison.contrasts) {
+                    cell.contrast = contrast;
+                }
             }
             first += span;
         }
@@ -224,7 +229,7 @@ fn mark_noise_floors(
     let is_at_floor = |facet: usize, member: &Member| {
         let floor = member.run.floor(&spec.column);
         let both = value(facet, member).zip(floor);
-        both.is_some_and(|(value, floor)| spec.is_at_floor(value, floor))
+        both.is_some_and(|(value, floor)| spec.is_at_floor(value, floor.value))
     };
     let mut any = false;
     for (facet, (_, cells)) in table.rows.iter_mut().enumerate() {
@@ -254,14 +259,13 @@ mod tests {
 
     #[test]
     fn a_mean_with_a_run_below_the_threshold_is_a_bound() {
-        let bounded = |number, bound| RunValue { number, bound };
-        let lower = bounded(3.0, Bound::Lower);
+        let lower = RunValue::bounded(3.0, Bound::Lower);
         let cell = TableCell::mean(&[RunValue::exact(1.0), lower], Ranking::Unranked);
         assert_eq!(
             (cell.bound, cell.value, cell.runs),
             (Bound::Lower, Some(2.0), 2)
         );
-        let both = [lower, bounded(1.0, Bound::Upper)];
+        let both = [lower, RunValue::bounded(1.0, Bound::Upper)];
         let cell = TableCell::mean(&both, Ranking::Unranked);
         assert_eq!((cell.bound, cell.value), (Bound::Either, Some(2.0)));
         let cell = TableCell::mean(&[], Ranking::ShorterTime);

@@ -1,6 +1,7 @@
 //! The answer at the top of the page, its caveats, and the reference that crops show.
 
 use super::*;
+use lumbre_metrics::floor::Floor;
 use lumbre_render::Peer;
 
 fn verdict(night: Night) -> String {
@@ -86,7 +87,7 @@ fn weak_evidence_is_named() {
 
     let mut noisy = night("Sample GPU", 1.0);
     for run in noisy.runs.iter_mut().map(Arc::make_mut) {
-        run.floors = vec![("rmse".to_owned(), 0.012)];
+        run.floors = vec![("rmse".to_owned(), Floor::exact(0.012))];
     }
     let made = report(&[noisy], &ReportOptions::default());
     // The errors of the box are 0.018 with bpt and 0.009 with nee: below 0.012 times the root of 2
@@ -123,7 +124,10 @@ fn the_page_does_not_repeat_rmse_as_mse() {
     Arc::make_mut(&mut squared.plan).metrics[1] =
         MetricSpec::new("mse", "mse", BTreeMap::new()).unwrap();
     for run in squared.runs.iter_mut().map(Arc::make_mut) {
-        run.floors = vec![("rmse".to_owned(), 0.012), ("mse".to_owned(), 0.000_144)];
+        run.floors = vec![
+            ("rmse".to_owned(), Floor::exact(0.012)),
+            ("mse".to_owned(), Floor::exact(0.000_144)),
+        ];
         for row in Arc::make_mut(&mut run.rows) {
             row.metrics[1] = row.metrics[0] * row.metrics[0];
         }
@@ -197,7 +201,10 @@ fn crops_show_the_least_noisy_reference_and_warn_if_references_differ() {
     for run in &mut own.runs {
         let is_bpt = run.integrator == "bpt";
         planned(run).reference = Some(usize::from(!is_bpt));
-        Arc::make_mut(run).floors = vec![("rmse".to_owned(), if is_bpt { 0.02 } else { 0.001 })];
+        Arc::make_mut(run).floors = vec![(
+            "rmse".to_owned(),
+            Floor::exact(if is_bpt { 0.02 } else { 0.001 }),
+        )];
     }
     let caption_with = |factor: f32| {
         let pictures = |path: &Path| {

@@ -369,7 +369,7 @@ impl NightModel {
         };
         let reference = self.night.runs.get(i)?.reference?;
         let floors = self.night.references.get(reference)?.floors.as_ref()?;
-        floors.get(metric).copied().flatten()
+        floors.get(metric)?.as_ref().map(|floor| floor.value)
     }
 
     /// Adds the thumbnail of one strategy of a cell.

@@ -1,5 +1,6 @@
 //! The model of a night, where a screen would hide what is wrong.
 
+use lumbre_metrics::floor::Floor;
 use std::sync::Arc;
 
 use super::night::{NightBuilder, plan};
@@ -60,7 +61,7 @@ fn the_noise_floor_is_that_of_the_reference_of_the_run() {
     night.render(CellRef::Cell(0), 2);
     let (mut model, _) = night.model();
     for (reference, floor) in [(0, 0.25), (1, 0.5)] {
-        let floors = Arc::new(vec![Some(floor), None, None]);
+        let floors = Arc::new(vec![Some(Floor::exact(floor)), None, None]);
         model.receive(&Event::NoiseFloors { reference, floors }, 2.0);
     }
     assert_eq!(model.noise_floor(0), Some(0.25));

@@ -1,6 +1,7 @@
 //! Snapshots of whole screens.
 
 use insta::assert_snapshot;
+use lumbre_metrics::floor::Floor;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use std::sync::Arc;
@@ -368,7 +369,11 @@ fn the_noise_floor_is_marked_in_the_chart() {
     assert!(!chart(&model, 0).contains("reference noise floor"));
     let floors = Event::NoiseFloors {
         reference: 0,
-        floors: Arc::new(vec![Some(0.012), None, Some(1e9)]),
+        floors: Arc::new(vec![
+            Some(Floor::exact(0.012)),
+            None,
+            Some(Floor::exact(1e9)),
+        ]),
     };
     model.receive(&floors, now_s);
     assert!(chart(&model, 0).contains("reference noise floor"));

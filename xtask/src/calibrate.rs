@@ -1,0 +1,434 @@
+//! `cargo xtask calibrate`: how often the claims of comparisons are false, measured on nights of
+//! which the truth is known.
+//!
+//! A night is made of pictures: those of several techniques, each with repeats, whose noise is
+//! drawn from a known distribution, and two halves of a reference. Errors, noise floors and claims
+//! are computed from them by the code that real nights use. All techniques of a night have noise of
+//! one kind, scaled, so the ratio of their median errors at equal time is the square of the scale.
+
+use std::fmt;
+
+use lumbre_light::film::Image;
+use lumbre_metrics::MetricSpec;
+use lumbre_metrics::floor::Halves;
+use lumbre_report::comparison::{Comparison, LEVEL, Score, ScoreScale};
+use rayon::prelude::*;
+
+/// Side of a picture in pixels.
+const SIDE: u32 = 32;
+
+/// Radiance of the true picture everywhere.
+const TRUTH: f32 = 0.5;
+
+/// Arguments of `calibrate`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Nights for each line of the table
+    #[arg(long, default_value_t = 400)]
+    nights: u32,
+    /// Only lines whose noise has one of these texts in its name
+    #[arg(long)]
+    only: Vec<String>,
+}
+
+/// Prints the table.
+///
+/// # Errors
+/// Never; chores return results.
+pub fn run(args: &Args) -> Result<(), String> {
+    println!("{HEADER}");
+    for setup in setups() {
+        let name = setup.noise.to_string();
+        if !args.only.is_empty() && !args.only.iter().any(|text| name.contains(text.as_str())) {
+            continue;
+        }
+        println!("{}", Rates::measure(&setup, args.nights).row(&setup));
+    }
+    Ok(())
+}
+
+const HEADER: &str = "\
+| noise | techniques | repeats | true ratio | noise of the reference | all intervals true | false claims \
+| found | refused | width |
+|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|";
+
+/// Returns the lines of the table.
+fn setups() -> Vec<Setup> {
+    let mut setups = Vec::new();
+    for noise in [
+        Noise::Gauss,
+        Noise::Fireflies,
+        Noise::Pareto25,
+        Noise::Pareto15,
+    ] {
+        for (arms, repeats) in [(2, 5), (2, 16), (5, 5), (9, 5), (9, 16)] {
+            for floor in [0.0, 0.33] {
+                setups.push(Setup {
+                    noise,
+                    arms,
+                    repeats,
+                    floor,
+                    ..Setup::NULL
+                });
+            }
+        }
+        for ratio in [1.2, 2.0, 4.0] {
+            setups.push(Setup {
+                noise,
+                ratio,
+                arms: 3,
+                ..Setup::NULL
+            });
+        }
+        for floor in [0.01, 0.1, 0.5, 0.9] {
+            setups.push(Setup {
+                noise,
+                ratio: 4.0,
+                floor,
+                ..Setup::NULL
+            });
+        }
+        setups.push(Setup {
+            noise,
+            ratio: 2.0,
+            repeats: 3,
+            ..Setup::NULL
+        });
+        setups.push(Setup {
+            noise,
+            ratio: 2.0,
+            drift: 0.5,
+            ..Setup::NULL
+        });
+    }
+    setups
+}
+
+/// Distribution of the noise of one value of a picture; symmetric, with mean 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Noise {
+    /// Normal.
+    Gauss,
+    /// Normal, with one value in two thousand a thousand times as large in its square.
+    Fireflies,
+    /// Pareto with the tail index 2.5: the mean of squared errors exists, its variance does not.
+    Pareto25,
+    /// Pareto with the tail index 1.5: no mean of squared errors exists.
+    Pareto15,
+}
+
+impl fmt::Display for Noise {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Noise::Gauss => "Gauss",
+            Noise::Fireflies => "fireflies",
+            Noise::Pareto25 => "Pareto 2.5",
+            Noise::Pareto15 => "Pareto 1.5",
+        })
+    }
+}
+
+impl Noise {
+    fn draw(self, random: &mut Random) -> f64 {
+        let pareto = |random: &mut Random, index: f64| {
+            let sign = if random.unit() < 0.5 { -1.0 } else { 1.0 };
+            sign * (random.unit().powf(-1.0 / index) - 1.0)
+        };
+        match self {
+            Noise::Gauss => random.normal(),
+            Noise::Fireflies => {
+                let bright = random.unit() < 1.0 / 2000.0;
+                random.normal() * if bright { 1000f64.sqrt() } else { 1.0 }
+            }
+            Noise::Pareto25 => pareto(random, 2.5),
+            Noise::Pareto15 => pareto(random, 1.5),
+        }
+    }
+
+    /// Draws a picture of the truth with noise of this scale, averaged over so many samples.
+    fn picture(self, random: &mut Random, scale: f64, samples: u32) -> Image {
+        let mut value = || {
+            let sum: f64 = (0..samples).map(|_| self.draw(random)).sum();
+            TRUTH + (scale * sum / f64::from(samples)) as f32
+        };
+        let data = (0..SIDE * SIDE)
+            .map(|_| [value(), value(), value()])
+            .collect();
+        Image {
+            width: SIDE,
+            height: SIDE,
+            data,
+        }
+    }
+}
+
+/// Pseudo-random numbers: SplitMix64 [Steele 2014].
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let x = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        x ^ (x >> 31)
+    }
+
+    /// Returns a number in (0, 1].
+    fn unit(&mut self) -> f64 {
+        ((self.next() >> 11) + 1) as f64 / (1u64 << 53) as f64
+    }
+
+    /// Returns a standard normal number [Box and Muller 1958].
+    fn normal(&mut self) -> f64 {
+        let radius = (-2.0 * self.unit().ln()).sqrt();
+        radius * (std::f64::consts::TAU * self.unit()).cos()
+    }
+}
+
+/// What is true of the nights of one line.
+#[derive(Clone, Copy, Debug)]
+struct Setup {
+    noise: Noise,
+    /// Number of techniques. The second has `ratio` times the error of the first, and so on in
+    /// turn.
+    arms: usize,
+    repeats: u32,
+    ratio: f64,
+    /// Share of the noise of the reference in the measured error of the best.
+    floor: f64,
+    /// Standard deviation of the logarithm of the machine's speed, which all techniques of one
+    /// repeat share.
+    drift: f64,
+}
+
+impl Setup {
+    const NULL: Setup = Setup {
+        noise: Noise::Gauss,
+        arms: 2,
+        repeats: 5,
+        ratio: 1.0,
+        floor: 0.0,
+        drift: 0.0,
+    };
+
+    /// Returns the true ratio of a technique's error to that of the first.
+    fn truth(&self, arm: usize) -> f64 {
+        if arm % 2 == 1 { self.ratio } else { 1.0 }
+    }
+
+    /// Compares the techniques of one night. `error` is the median error of the first against the
+    /// truth, `noise` that of the mean of a reference's samples.
+    fn night(&self, random: &mut Random, [error, noise]: [f64; 2]) -> Comparison {
+        let metric = metric();
+        let samples = REFERENCE_SAMPLES / 2;
+        let scale = (self.floor / (1.0 - self.floor) * error / noise).sqrt();
+        let halves = [0; 2].map(|_| self.noise.picture(random, scale, samples));
+        let mut reference = halves[0].clone();
+        for (pixel, other) in reference.data.iter_mut().zip(&halves[1].data) {
+            *pixel = [0, 1, 2].map(|c| 0.5 * (pixel[c] + other[c]));
+        }
+        let halves = Halves {
+            means: [&halves[0], &halves[1]],
+            samples: [u64::from(samples); 2],
+        };
+        let floor = metric.floor(&reference, halves).ok().flatten();
+        let floor = floor.filter(|_| self.floor > 0.0);
+        let mut arms = vec![Vec::new(); self.arms];
+        for repeat in 0..self.repeats {
+            let speed = (self.drift * random.normal()).exp();
+            for (arm, scores) in arms.iter_mut().enumerate() {
+                let scale = (self.truth(arm) / speed).sqrt();
+                let picture = self.noise.picture(random, scale, 1);
+                let error = metric.eval(&picture, &reference).unwrap_or(f64::NAN);
+                let score = |floor: f64| metric.net(error, floor).unwrap_or(error).ln();
+                scores.push(match floor {
+                    None => Score::new(repeat, error.ln()),
+                    Some(floor) => {
+                        let [low, high] = floor.ends();
+                        Score {
+                            repeat,
+                            at_noise: [floor.value, low, high].map(score),
+                        }
+                    }
+                });
+            }
+        }
+        Comparison::new(&arms, ScoreScale::Logarithm).expect("several techniques have results")
+    }
+}
+
+/// Samples of a reference in units of one sample of a technique's picture.
+const REFERENCE_SAMPLES: u32 = 16;
+
+fn metric() -> MetricSpec {
+    MetricSpec::new("mse", "mse", Default::default()).expect("the metric exists")
+}
+
+/// Returns the median errors against the truth of pictures of one sample and of a reference, whose
+/// noise has the scale 1.
+fn median_errors(noise: Noise) -> [f64; 2] {
+    let (metric, truth) = (metric(), Image::from_fn(SIDE, SIDE, |_, _| [TRUTH; 3]));
+    [1, REFERENCE_SAMPLES].map(|samples| {
+        let error = |seed: u64| {
+            let picture = noise.picture(&mut Random(seed), 1.0, samples);
+            metric.eval(&picture, &truth).unwrap_or(f64::NAN)
+        };
+        let mut errors: Vec<f64> = (0..400u64).into_par_iter().map(error).collect();
+        errors.sort_by(f64::total_cmp);
+        errors[errors.len() / 2]
+    })
+}
+
+/// What was claimed of the nights of one line.
+#[derive(Clone, Copy, Debug, Default)]
+struct Rates {
+    /// Share of the nights that are not refused in which all intervals contain the truth.
+    coverage: f64,
+    /// Share of all nights with a p-value below 5 % for a pair of equals, or for the wrong order, or
+    /// with a winner that is none.
+    false_claims: f64,
+    /// Share of all nights in which each technique that is truly worse is told from the best.
+    found: f64,
+    /// Share of the nights in which some pair has no interval.
+    refused: f64,
+    /// Median of the upper end of an interval over its lower end.
+    width: f64,
+}
+
+impl Rates {
+    fn measure(setup: &Setup, nights: u32) -> Rates {
+        let errors = median_errors(setup.noise);
+        let night = |seed: u32| {
+            let mut random = Random(u64::from(seed) << 32 | 0x5eed);
+            setup.night(&mut random, errors)
+        };
+        let nights: Vec<Comparison> = (0..nights).into_par_iter().map(night).collect();
+        let share = |count: usize, of: usize| count as f64 / of.max(1) as f64;
+        let is_refused = |night: &&Comparison| {
+            night
+                .contrasts
+                .iter()
+                .flatten()
+                .any(|c| c.interval.is_none())
+        };
+        let judged: Vec<&Comparison> = nights.iter().filter(|n| !is_refused(n)).collect();
+        let pairs = |night: &Comparison| -> Vec<_> {
+            let best = setup.truth(night.best);
+            let contrasts = night.contrasts.iter().enumerate();
+            contrasts
+                .filter_map(|(arm, contrast)| Some(((setup.truth(arm) / best).ln(), (*contrast)?)))
+                .collect()
+        };
+        let is_true = |night: &&&Comparison| {
+            let mut pairs = pairs(night).into_iter();
+            pairs.all(|(truth, contrast)| {
+                contrast
+                    .interval
+                    .is_some_and(|[low, high]| (low..=high).contains(&truth))
+            })
+        };
+        let is_false = |night: &&Comparison| {
+            let mut pairs = pairs(night).into_iter();
+            pairs.any(|(truth, contrast)| contrast.p < LEVEL && truth <= 0.0)
+        };
+        let is_found = |night: &&Comparison| {
+            let mut worse = pairs(night).into_iter().filter(|(truth, _)| *truth != 0.0);
+            setup.truth(night.best) == 1.0 && worse.all(|(_, c)| c.is_significant())
+        };
+        let widths = nights
+            .iter()
+            .flat_map(|night| night.contrasts.iter().flatten());
+        let mut widths: Vec<f64> = widths
+            .filter_map(|c| c.interval.map(|[low, high]| (high - low).exp()))
+            .collect();
+        widths.sort_by(f64::total_cmp);
+        Rates {
+            coverage: share(judged.iter().filter(is_true).count(), judged.len()),
+            false_claims: share(nights.iter().filter(is_false).count(), nights.len()),
+            found: share(nights.iter().filter(is_found).count(), nights.len()),
+            refused: share(nights.len() - judged.len(), nights.len()),
+            width: widths.get(widths.len() / 2).copied().unwrap_or(f64::NAN),
+        }
+    }
+
+    /// Formats the rates as a row of the table.
+    fn row(&self, setup: &Setup) -> String {
+        let percent = |share: f64| format!("{:.1} %", 100.0 * share);
+        let found = if setup.ratio == 1.0 {
+            "–".to_owned()
+        } else {
+            percent(self.found)
+        };
+        let drift = if setup.drift > 0.0 {
+            ", speed drifts"
+        } else {
+            ""
+        };
+        format!(
+            "| {}{drift} | {} | {} | {} | {} | {} | {} | {found} | {} | {:.2} |",
+            setup.noise,
+            setup.arms,
+            setup.repeats,
+            setup.ratio,
+            format!("{:.0} %", 100.0 * setup.floor),
+            percent(self.coverage),
+            percent(self.false_claims),
+            percent(self.refused),
+            self.width,
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// With 200 nights a rate of 95 % is measured as less than 90 % once in 500 times, and a rate of
+    /// 5 % as more than 10 % as rarely.
+    #[test]
+    fn claims_are_false_in_at_most_one_night_in_twenty() {
+        for noise in [Noise::Gauss, Noise::Fireflies, Noise::Pareto25] {
+            for (arms, repeats, ratio, floor) in
+                [(2, 5, 1.0, 0.0), (9, 5, 1.0, 0.33), (5, 16, 2.0, 0.33)]
+            {
+                let setup = Setup {
+                    noise,
+                    arms,
+                    repeats,
+                    ratio,
+                    floor,
+                    drift: 0.0,
+                };
+                let rates = Rates::measure(&setup, 200);
+                assert!(rates.coverage >= 0.90, "{setup:?}: {rates:?}");
+                assert!(rates.false_claims <= 0.10, "{setup:?}: {rates:?}");
+                assert!(rates.refused <= 0.10, "{setup:?}: {rates:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn pairs_take_out_the_drift_of_the_machine() {
+        let quiet = Rates::measure(
+            &Setup {
+                ratio: 2.0,
+                ..Setup::NULL
+            },
+            100,
+        );
+        let drifting = Rates::measure(
+            &Setup {
+                ratio: 2.0,
+                drift: 0.5,
+                ..Setup::NULL
+            },
+            100,
+        );
+        assert!(
+            quiet.found == 1.0 && drifting.found == 1.0,
+            "{quiet:?} {drifting:?}"
+        );
+        let ratio = drifting.width.ln() / quiet.width.ln();
+        assert!((0.8..1.25).contains(&ratio), "{ratio}");
+    }
+}
