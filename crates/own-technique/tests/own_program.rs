@@ -98,7 +98,8 @@ fn a_night_with_an_own_technique_is_planned_rendered_explained_and_reproduced() 
     let reproduced = text(folder, &["reproduce", &of_cells[0].to_string_lossy()]);
     assert!(reproduced.contains("identical"), "{reproduced}");
     let run_folder = of_cells[0].with_file_name("");
-    let explained = text(folder, &["explain", &run_folder.to_string_lossy()]);
+    let run = run_folder.to_string_lossy();
+    let explained = text(folder, &["show", &run, "--why"]);
     assert!(
         explained.contains("would not be rendered again"),
         "{explained}"
