@@ -10,8 +10,8 @@ use lumbre_light::film::Film;
 use lumbre_light::film::time::TimeAxis;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{
-    Cone, DirectionalLight, Emitter, Environment, Instances, Interface, MaskMode, Material, Model,
-    NONE, PointLight, Sphere, Texture, TriangleAttributes, UvMap,
+    Cone, DirectionalLight, Emitter, Environment, Interface, MaskMode, Material, Model, NONE,
+    PointLight, Sphere, Texture, TriangleAttributes, UvMap,
 };
 use lumbre_light::scene::desc::{CameraDesc, ConeDesc, Optics};
 use lumbre_light::transport::integrator::integrator;
@@ -93,25 +93,10 @@ impl SceneBuilder {
         };
         SceneBuilder {
             scene: CompiledScene {
-                content_hash: [0; 32],
-                triangles: Vec::new(),
-                attributes: Vec::new(),
-                instances: Instances::default(),
-                tangents: Vec::new(),
-                colors: Vec::new(),
-                second_uvs: Vec::new(),
-                spheres: Vec::new(),
-                materials: Vec::new(),
-                delays: Default::default(),
-                textures: Vec::new(),
-                emitters: Vec::new(),
-                points: Vec::new(),
-                directionals: Vec::new(),
-                environment: None,
                 camera,
-                bounds: [Vec3::ZERO; 2],
                 resolution: [16, 16],
                 max_depth: 5,
+                ..CompiledScene::default()
             },
         }
     }

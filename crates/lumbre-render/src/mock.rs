@@ -209,29 +209,15 @@ mod tests {
     fn scene() -> Arc<CompiledScene> {
         Arc::new(CompiledScene {
             content_hash: [7; 32],
-            triangles: Vec::new(),
-            attributes: Vec::new(),
-            instances: Default::default(),
-            spheres: Vec::new(),
-            materials: Vec::new(),
-            delays: Default::default(),
-            textures: Vec::new(),
-            emitters: Vec::new(),
-            points: Vec::new(),
-            directionals: Vec::new(),
-            environment: None,
-            tangents: Vec::new(),
-            colors: Vec::new(),
-            second_uvs: Vec::new(),
             camera: CameraDesc {
                 position: Vec3::Z,
                 target: Vec3::ZERO,
                 optics: Optics::pinhole(40.0),
                 ..CameraDesc::default()
             },
-            bounds: [Vec3::ZERO; 2],
             resolution: [24, 16],
             max_depth: 5,
+            ..CompiledScene::default()
         })
     }
 

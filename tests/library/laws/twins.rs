@@ -119,6 +119,18 @@ const HOST: &[(&str, &str)] = &[
         "its twin is part of light/mod.glsl",
     ),
     (
+        "crates/lumbre-light/src/transport/light/environment_source.rs",
+        "its twin is part of light/mod.glsl",
+    ),
+    (
+        "crates/lumbre-light/src/transport/light/kinds.rs",
+        "its twin is part of light/mod.glsl",
+    ),
+    (
+        "crates/lumbre-light/src/transport/light/source.rs",
+        "GLSL has no traits",
+    ),
+    (
         "crates/lumbre-light/src/transport/light/selected.rs",
         "GLSL invocations choose one light each",
     ),

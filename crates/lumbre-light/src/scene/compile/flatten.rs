@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 
-use super::instance::Instances;
 use super::instancing::{self, Sharing};
 use super::mesh::{add_mesh, in_range, mesh_entities, push_emitter, with_own_direction};
 use super::resolver::{MaterialResolver, malformed};
@@ -96,24 +95,13 @@ fn without_surfaces(desc: &SceneDesc, notes: &mut Vec<Note>) -> Result<CompiledS
     let lights = lights::compile(desc, notes)?;
     Ok(CompiledScene {
         content_hash: content_hash(desc),
-        triangles: Vec::new(),
-        attributes: Vec::new(),
-        instances: Instances::default(),
-        tangents: Vec::new(),
-        colors: Vec::new(),
-        second_uvs: Vec::new(),
-        spheres: Vec::new(),
         materials,
         delays,
         textures,
-        emitters: Vec::new(),
-        points: lights.points,
-        directionals: lights.directionals,
-        environment: lights.environment,
         camera,
-        bounds: [Vec3::ZERO; 2],
         resolution: desc.resolution,
         max_depth: desc.max_depth,
+        ..lights
     })
 }
 
@@ -158,7 +146,7 @@ fn note_scale(scene: &CompiledScene, notes: &mut Vec<Note>) {
 
 /// Checks the number of lights, and notes a scene that will render black.
 fn check_lights(scene: &CompiledScene, notes: &mut Vec<Note>) -> Result<(), SceneError> {
-    let lights = scene.emitters.len() + scene.points.len() + scene.directionals.len();
+    let lights = scene.emitters.len() + lights::count(scene);
     if lights >= AliasTable::MAX_ITEMS {
         let problem = format!(
             "the scene has {lights} emissive triangles, spheres and other lights; at most {} are \

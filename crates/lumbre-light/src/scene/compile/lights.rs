@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-use super::Texture;
+use super::{CompiledScene, Texture};
 use crate::scene::desc::{
     ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSampling, EnvironmentSource, LightKind,
     MAX_COORDINATE, SceneDesc, TextureDesc,
@@ -110,15 +110,13 @@ pub struct Environment {
     pub sampling: EnvironmentSampling,
 }
 
-/// The lights of a scene that have no surface.
-pub(super) struct CompiledLights {
-    pub points: Vec<PointLight>,
-    pub directionals: Vec<DirectionalLight>,
-    pub environment: Option<Environment>,
+/// Returns the number of lights without a surface, except the environment.
+pub(super) fn count(scene: &CompiledScene) -> usize {
+    scene.points.len() + scene.directionals.len()
 }
 
-/// Checks the lights of a description and sorts them by type; black ones are left out with a
-/// [`Note`].
+/// Checks the lights of a description and returns a scene that contains these alone, by type; black
+/// ones are left out with a [`Note`].
 ///
 /// # Errors
 /// Fails for a light with a value that is not finite, negative or out of range, or a direction of
@@ -126,25 +124,35 @@ pub(super) struct CompiledLights {
 pub(super) fn compile(
     desc: &SceneDesc,
     notes: &mut Vec<Note>,
-) -> Result<CompiledLights, SceneError> {
-    let mut compiled = CompiledLights {
-        points: Vec::new(),
-        directionals: Vec::new(),
-        environment: None,
-    };
+) -> Result<CompiledScene, SceneError> {
+    let mut compiled = CompiledScene::default();
     for light in &desc.lights {
         let place = format!("lights.{}", light.name);
-        let color = match light.kind {
-            LightKind::Point { intensity, .. } | LightKind::Spot { intensity, .. } => intensity,
-            LightKind::Directional { irradiance, .. } => irradiance,
+        let mut add_point = |position, intensity, cone| {
+            point_light(position, intensity, cone).map(|light| compiled.points.push(light))
         };
-        let result = match &light.kind {
+        let (color, result) = match light.kind {
+            LightKind::Point {
+                position,
+                intensity,
+            } => (intensity, add_point(position, intensity, None)),
+            LightKind::Spot {
+                position,
+                direction,
+                intensity,
+                cone,
+            } => (
+                intensity,
+                add_point(position, intensity, Some((direction, cone))),
+            ),
             LightKind::Directional {
                 direction,
                 irradiance,
-            } => directional_light(*direction, *irradiance)
-                .map(|light| compiled.directionals.push(light)),
-            kind => point_light(kind).map(|light| compiled.points.push(light)),
+            } => (
+                irradiance,
+                directional_light(direction, irradiance)
+                    .map(|light| compiled.directionals.push(light)),
+            ),
         };
         result.map_err(|problem| SceneError::Malformed {
             file: PathBuf::new(),
@@ -167,23 +175,12 @@ pub(super) fn compile(
     Ok(compiled)
 }
 
-/// Returns a compiled point or spot light.
-fn point_light(kind: &LightKind) -> Result<PointLight, String> {
-    let (position, intensity, spot) = match *kind {
-        LightKind::Spot {
-            position,
-            direction,
-            intensity,
-            cone,
-        } => (position, intensity, Some((direction, cone))),
-        LightKind::Point {
-            position,
-            intensity,
-        } => (position, intensity, None),
-        LightKind::Directional { .. } => {
-            return Err("a directional light has no position".to_owned());
-        }
-    };
+/// Returns a compiled point light, or with an axis and a cone a compiled spot light.
+fn point_light(
+    position: Vec3,
+    intensity: Vec3,
+    spot: Option<(Vec3, ConeDesc)>,
+) -> Result<PointLight, String> {
     if !position.is_finite() || position.abs().max_element() > MAX_COORDINATE {
         return Err(format!(
             "the position is {position}; coordinates must be within {MAX_COORDINATE:e} of the \

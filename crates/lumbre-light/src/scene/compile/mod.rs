@@ -39,7 +39,7 @@ pub const NONE: u32 = u32::MAX;
 
 /// A scene that is ready to be rendered. Primitive ids count triangles first, then spheres; a
 /// triangle of a shared mesh is identified by its id and its [`Instance`].
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct CompiledScene {
     /// blake3 hash of the description: equal scenes have equal hashes, whatever files they came
     /// from.

@@ -12,9 +12,8 @@ use glam::{Vec2, Vec3};
 use super::material::MaterialParam;
 use super::material_params::SURFACE;
 use super::{
-    CameraDesc, CameraKind, EntityDesc, EnvironmentSampling, EnvironmentSource, LightKind,
-    MATERIAL_PARAMS, MaterialDesc, MaterialNames, MeshDesc, SceneDesc, ShapeDesc, Texels,
-    ViewWindow,
+    CameraDesc, CameraKind, EntityDesc, EnvironmentSampling, EnvironmentSource, MATERIAL_PARAMS,
+    MaterialDesc, MaterialNames, MeshDesc, SceneDesc, ShapeDesc, Texels, ViewWindow,
 };
 
 /// Version tags of the encodings below. A tag changes with its encoding, so that hashes of
@@ -97,33 +96,10 @@ fn hash_projection(h: &mut Hasher, camera: &CameraDesc) {
 fn hash_lights(h: &mut Hasher, desc: &SceneDesc) {
     int(h, desc.lights.len() as u64);
     for light in &desc.lights {
-        let (tag, origin, color) = match light.kind {
-            LightKind::Spot {
-                position,
-                intensity,
-                ..
-            } => (2, position, intensity),
-            LightKind::Point {
-                position,
-                intensity,
-            } => (0, position, intensity),
-            LightKind::Directional {
-                direction,
-                irradiance,
-            } => (1, direction, irradiance),
-        };
+        let (tag, numbers, edge) = light.kind.content();
         int(h, tag);
-        vec3(h, origin);
-        vec3(h, color);
-        if let LightKind::Spot {
-            direction, cone, ..
-        } = light.kind
-        {
-            vec3(h, direction);
-            float(h, cone.beam_deg);
-            float(h, cone.cutoff_deg);
-            int(h, cone.edge as u64);
-        }
+        numbers.iter().for_each(|x| float(h, *x));
+        edge.iter().for_each(|edge| int(h, *edge));
     }
     let Some(environment) = &desc.environment else {
         return int(h, 0);
@@ -303,7 +279,9 @@ fn vec3(h: &mut Hasher, v: Vec3) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::desc::{CAMERA_KINDS, CameraDesc, EnvironmentDesc, LightDesc, Transform};
+    use crate::scene::desc::{
+        CAMERA_KINDS, CameraDesc, EnvironmentDesc, LightDesc, LightKind, Transform,
+    };
     use std::path::PathBuf;
     use std::sync::Arc;
 

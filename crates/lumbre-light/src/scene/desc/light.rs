@@ -47,6 +47,34 @@ pub enum LightKind {
     },
 }
 
+impl LightKind {
+    /// Returns the content for hashes: the tag of the kind, its numbers, and the edge of a cone. A
+    /// tag is never used for another kind.
+    pub(super) fn content(&self) -> (u64, Vec<f32>, Option<u64>) {
+        let numbers = |vectors: &[Vec3]| vectors.iter().flat_map(Vec3::to_array).collect();
+        match *self {
+            LightKind::Point {
+                position,
+                intensity,
+            } => (0, numbers(&[position, intensity]), None),
+            LightKind::Directional {
+                direction,
+                irradiance,
+            } => (1, numbers(&[direction, irradiance]), None),
+            LightKind::Spot {
+                position,
+                direction,
+                intensity,
+                cone,
+            } => {
+                let mut all: Vec<f32> = numbers(&[position, intensity, direction]);
+                all.extend([cone.beam_deg, cone.cutoff_deg]);
+                (2, all, Some(cone.edge as u64))
+            }
+        }
+    }
+}
+
 /// Cone of a spot light. Angles are measured from the axis, in degrees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ConeDesc {

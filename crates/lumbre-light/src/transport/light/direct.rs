@@ -1,11 +1,9 @@
 //! Light that arrives at points: sampling of lights, and the densities of that.
 
-use super::table::{DIRECTIONAL, ENVIRONMENT, POINT, SPHERE, TRIANGLE};
-use super::{LightPoint, Lights, SelectedLights, area, sphere};
+use super::{LightId, LightPoint, Lights, SelectedLights, area, sphere};
 use crate::math::real::{Mask, Outlined, Real, Vector};
 use crate::math::simd::Lanes;
 use crate::scene::CompiledScene;
-use crate::scene::compile::Uv;
 use glam::Vec3;
 
 /// Light that arrives at the point of each lane, before the shadow test.
@@ -47,12 +45,8 @@ impl<R: Lanes<N>, const N: usize> DirectSample<R, N> {
             distance: R::select(mask, yes.distance, no.distance),
             radiance: R::Vec3::select(mask, yes.radiance, no.radiance),
             pdf_w: R::select(mask, yes.pdf_w, no.pdf_w),
-            delta: (mask & yes.delta) | (!mask & no.delta),
-            point: LightPoint {
-                position: R::Vec3::select(mask, yes.point.position, no.point.position),
-                normal: R::Vec3::select(mask, yes.point.normal, no.point.normal),
-                ..no.point
-            },
+            delta: no.delta,
+            point: LightPoint::select(mask, yes.point, no.point),
         }
     }
 }
@@ -94,17 +88,18 @@ impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
     #[inline(always)]
     fn sample_kinds(&self, scene: &CompiledScene, from: R::Vec3, u: [R; 2]) -> DirectSample<R, N> {
         let mut sample = self.sample_triangles(from, u);
-        let spheres = self.are(SPHERE);
+        let spheres = self.are_spheres();
         if spheres.any() {
             sample = DirectSample::select(spheres, self.sample_spheres(from, u), sample);
         }
-        let points = self.are(POINT);
+        let points = self.are_points();
         if points.any() {
-            sample = DirectSample::select(points, self.sample_points(from), sample);
+            sample = DirectSample::select(points, self.sample_points(from, points), sample);
         }
         let infinite = self.are_infinite();
         if infinite.any() {
-            sample = DirectSample::select(infinite, self.sample_infinite(from, u), sample);
+            let distant = self.sample_infinite(from, u, infinite);
+            sample = DirectSample::select(infinite, distant, sample);
         }
         let textured = self.are_textured() & sample.arrives();
         if textured.any() {
@@ -115,26 +110,20 @@ impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
         sample
     }
 
-    /// Returns the sample with these fields that is no Dirac light and has no texture coordinates.
+    /// Returns the sample with these fields, without texture coordinates.
     #[inline(always)]
     fn sample_of(
         &self,
-        [wi, position, normal]: [R::Vec3; 3],
+        [wi, position, normal, radiance]: [R::Vec3; 4],
         [distance, pdf_w]: [R; 2],
     ) -> DirectSample<R, N> {
         DirectSample {
             wi,
             distance,
-            radiance: self.radiance(),
+            radiance,
             pdf_w,
-            delta: R::Mask::splat(false),
-            point: LightPoint {
-                lights: self.ids(),
-                position,
-                normal,
-                extent: self.extent(),
-                uv: Uv::zero(),
-            },
+            delta: self.are_dirac(),
+            point: self.point(position, normal),
         }
     }
 
@@ -145,7 +134,8 @@ impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
         let to = at - from;
         let distance = to.length();
         let pdf_w = area::density(to, distance, normal, self.area());
-        self.sample_of([to / distance, at, normal], [distance, pdf_w])
+        let wi = to / distance;
+        self.sample_of([wi, at, normal, self.radiance()], [distance, pdf_w])
     }
 
     /// Samples directions uniform over the cones that spheres subtend. There is no light from
@@ -155,49 +145,33 @@ impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
         let (center, radius) = self.sphere();
         let s = sphere::sample(center, radius, from, u);
         let at = center + s.normal * radius;
-        self.sample_of([s.wi, at, s.normal], [(at - from).length(), s.pdf_w])
+        let numbers = [(at - from).length(), s.pdf_w];
+        self.sample_of([s.wi, at, s.normal, self.radiance()], numbers)
     }
 
-    /// Returns the light of point lights. There is none at the light itself and outside its cone.
+    /// Returns the light of point lights. There is none at the light itself and where it does not
+    /// emit.
     #[inline(always)]
-    fn sample_points(&self, from: R::Vec3) -> DirectSample<R, N> {
-        let (zero, one) = (R::splat(0.0), R::splat(1.0));
+    fn sample_points(&self, from: R::Vec3, points: R::Mask) -> DirectSample<R, N> {
+        let zero = R::splat(0.0);
         let position = self.vector(0);
         let to = position - from;
         let distance = to.length();
         let wi = to / distance;
-        let fraction = self.cones().falloff(-wi);
-        let radiance = self.radiance() * fraction / (distance * distance);
-        let usable = distance.gt(zero) & fraction.gt(zero) & radiance.is_finite();
-        let pdf_w = R::select(usable, one, zero);
-        DirectSample {
-            radiance,
-            delta: R::Mask::splat(true),
-            ..self.sample_of([wi, position, -wi], [distance, pdf_w])
-        }
+        let intensity = self.emitted_into(-wi, points);
+        let radiance = intensity / (distance * distance);
+        let emits = !intensity.same(R::Vec3::broadcast(Vec3::ZERO));
+        let usable = distance.gt(zero) & emits & radiance.is_finite();
+        let pdf_w = R::select(usable, R::splat(1.0), zero);
+        self.sample_of([wi, position, -wi, radiance], [distance, pdf_w])
     }
 
-    /// Returns the light of directional lights, and samples directions to the environment.
+    /// Samples directions to infinitely distant lights.
     #[inline(always)]
-    fn sample_infinite(&self, from: R::Vec3, u: [R; 2]) -> DirectSample<R, N> {
-        let (mut wi, mut radiance) = (-self.direction(), self.radiance());
-        let mut pdf_w = R::splat(1.0);
-        let environment = self.are(ENVIRONMENT);
-        if environment.any()
-            && let Some(light) = &self.lights.environment_light
-        {
-            let (dir, density) = light.sample::<R, N>(u, environment);
-            wi = R::Vec3::select(environment, dir, wi);
-            pdf_w = R::select(environment, density, pdf_w);
-            let color = light.radiance::<R, N>(wi, environment);
-            radiance = R::Vec3::select(environment, color, radiance);
-        }
-        let at = self.lights.ball.outside(from, wi);
-        DirectSample {
-            radiance,
-            delta: self.are(DIRECTIONAL),
-            ..self.sample_of([wi, at, -wi], [R::splat(f32::INFINITY), pdf_w])
-        }
+    fn sample_infinite(&self, from: R::Vec3, u: [R; 2], infinite: R::Mask) -> DirectSample<R, N> {
+        let ([dir, radiance], pdf_w) = self.sample_dirs(u, infinite);
+        let at = self.lights.ball.outside(from, -dir);
+        self.sample_of([-dir, at, dir, radiance], [R::splat(f32::INFINITY), pdf_w])
     }
 
     /// Returns the density per solid angle at `from` with which
@@ -213,13 +187,13 @@ impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
     pub fn pdf_direct_one_w(&self, from: R::Vec3, at: R::Vec3, normal: R::Vec3) -> R {
         let to = at - from;
         let mut pdf_w = area::density(to, to.length(), normal, self.area());
-        let spheres = self.are(SPHERE);
+        let spheres = self.are_spheres();
         if spheres.any() {
             let (center, radius) = self.sphere();
             let sphere = sphere::pdf_w([center, at, normal], radius, from);
             pdf_w = R::select(spheres, sphere, pdf_w);
         }
-        R::select(spheres | self.are(TRIANGLE), pdf_w, R::splat(0.0))
+        R::select(self.are_emitters(), pdf_w, R::splat(0.0))
     }
 }
 
@@ -301,7 +275,7 @@ impl Lights {
         &self,
         dir: V,
     ) -> V::Scalar {
-        let index = self.first[2];
+        let index = self.index(LightId::Environment);
         let probability = match &self.tree {
             None => self.pdf_index(index),
             Some(tree) => tree.distant_probability(index),

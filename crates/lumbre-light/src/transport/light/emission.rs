@@ -2,7 +2,6 @@
 
 use glam::Vec3;
 
-use super::table::{DIRECTIONAL, ENVIRONMENT, POINT};
 use super::{LightPoint, Lights, SelectedLights};
 use crate::math::real::{Mask, Outlined, Real, Vector};
 use crate::math::simd::Lanes;
@@ -49,11 +48,7 @@ impl<R: Lanes<N>, const N: usize> EmissionSample<R, N> {
     #[inline(always)]
     fn select(mask: R::Mask, yes: Self, no: Self) -> Self {
         EmissionSample {
-            point: LightPoint {
-                position: R::Vec3::select(mask, yes.point.position, no.point.position),
-                normal: R::Vec3::select(mask, yes.point.normal, no.point.normal),
-                ..no.point
-            },
+            point: LightPoint::select(mask, yes.point, no.point),
             dir: R::Vec3::select(mask, yes.dir, no.dir),
             radiance: R::Vec3::select(mask, yes.radiance, no.radiance),
             pdf_a: R::select(mask, yes.pdf_a, no.pdf_a),
@@ -85,13 +80,11 @@ impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
     #[inline(always)]
     fn start(&self, scene: &CompiledScene, u: [R; 2], v: [R; 2]) -> EmissionSample<R, N> {
         let mut sample = self.start_on_surfaces(scene, u, v);
-        let points = self.are(POINT);
-        if points.any() {
-            sample = EmissionSample::select(points, self.start_at_points(v), sample);
-        }
-        let infinite = self.are_infinite();
-        if infinite.any() {
-            sample = EmissionSample::select(infinite, self.start_far_away(u, v), sample);
+        let [points, infinite] = [self.are_points(), self.are_infinite()];
+        let others = points | infinite;
+        if others.any() {
+            let start = self.start_without_surface(u, v, [others, infinite]);
+            sample = EmissionSample::select(others, start, sample);
         }
         EmissionSample {
             pdf_a: sample.pdf_a * self.probability,
@@ -119,11 +112,8 @@ impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
         };
         EmissionSample {
             point: LightPoint {
-                lights: self.ids(),
-                position,
-                normal,
-                extent: self.extent(),
                 uv,
+                ..self.point(position, normal)
             },
             dir: Frame::from_normal(normal).to_world(local),
             radiance: self.emission(scene, &uv, textured),
@@ -133,55 +123,28 @@ impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
         }
     }
 
-    /// Samples directions uniform over the cones of point lights.
+    /// Samples directions of points, and rays of infinitely distant lights through points uniform
+    /// over the disk that covers the scene.
     #[inline(always)]
-    fn start_at_points(&self, v: [R; 2]) -> EmissionSample<R, N> {
+    fn start_without_surface(
+        &self,
+        u: [R; 2],
+        v: [R; 2],
+        [others, infinite]: [R::Mask; 2],
+    ) -> EmissionSample<R, N> {
         let one = R::splat(1.0);
-        let cones = self.cones();
-        let dir = cones.sample(v);
-        EmissionSample {
-            point: LightPoint {
-                lights: self.ids(),
-                position: self.vector(0),
-                normal: dir,
-                extent: self.extent(),
-                uv: Uv::zero(),
-            },
-            dir,
-            radiance: self.radiance() * cones.falloff(dir),
-            pdf_a: one,
-            pdf_w: cones.pdf_w(dir),
-            cos: one,
-        }
-    }
-
-    /// Samples rays of infinitely distant lights through points uniform over the disk that covers
-    /// the scene.
-    #[inline(always)]
-    fn start_far_away(&self, u: [R; 2], v: [R; 2]) -> EmissionSample<R, N> {
-        let one = R::splat(1.0);
-        let (mut dir, mut radiance, mut pdf_w) = (self.direction(), self.radiance(), one);
-        let environment = self.are(ENVIRONMENT);
-        if environment.any()
-            && let Some(light) = &self.lights.environment_light
-        {
-            let (from, density) = light.sample::<R, N>(v, environment);
-            dir = R::Vec3::select(environment, -from, dir);
-            pdf_w = R::select(environment, density, pdf_w);
-            let color = light.radiance::<R, N>(from, environment);
-            radiance = R::Vec3::select(environment, color, radiance);
+        let ([dir, radiance], pdf_w) = self.sample_dirs(v, others);
+        let (mut position, mut pdf_a) = (self.vector(0), one);
+        if infinite.any() {
+            let ball = &self.lights.ball;
+            position = R::Vec3::select(infinite, ball.on_disk(dir, u), position);
+            pdf_a = R::select(infinite, R::splat(ball.pdf_a()), pdf_a);
         }
         EmissionSample {
-            point: LightPoint {
-                lights: self.ids(),
-                position: self.lights.ball.on_disk(dir, u),
-                normal: dir,
-                extent: self.extent(),
-                uv: Uv::zero(),
-            },
+            point: self.point(position, dir),
             dir,
             radiance,
-            pdf_a: R::splat(self.lights.ball.pdf_a()),
+            pdf_a,
             pdf_w,
             cos: one,
         }
@@ -197,24 +160,13 @@ impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
         let cosine = warp::cosine_hemisphere_pdf_w(normal.dot(dir));
         let mut pdf_w = R::select(emitters, cosine, zero);
         let mut pdf_a = R::select(emitters, self.probability * (one / self.area()), zero);
-        let points = self.are(POINT);
-        if points.any() {
-            pdf_w = R::select(points, self.cones().pdf_w(dir), pdf_w);
-            pdf_a = R::select(points, self.probability, pdf_a);
-        }
-        let infinite = self.are_infinite();
-        if infinite.any() {
+        let [points, infinite] = [self.are_points(), self.are_infinite()];
+        let others = points | infinite;
+        if others.any() {
             let disk = self.probability * R::splat(self.lights.ball.pdf_a());
+            pdf_a = R::select(points, self.probability, pdf_a);
             pdf_a = R::select(infinite, disk, pdf_a);
-            let own = self.are(DIRECTIONAL) & self.shines_into(dir);
-            pdf_w = R::select(own, one, pdf_w);
-            let environment = self.are(ENVIRONMENT);
-            if environment.any()
-                && let Some(light) = &self.lights.environment_light
-            {
-                let density = light.pdf_w::<R, N>(-dir, environment);
-                pdf_w = R::select(environment, density, pdf_w);
-            }
+            pdf_w = R::select(others, self.pdf_dirs(dir, others), pdf_w);
         }
         EmissionPdf { pdf_a, pdf_w }
     }
@@ -233,19 +185,9 @@ impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
         let textured = self.are_textured() & front;
         let surface = self.emission(scene, &point.uv, textured);
         let mut emitted = R::Vec3::select(front, surface, black);
-        let points = self.are(POINT);
-        if points.any() {
-            let intensity = self.radiance() * self.cones().falloff(dir);
-            emitted = R::Vec3::select(points, intensity, emitted);
-        }
-        let own = self.are(DIRECTIONAL) & self.shines_into(dir);
-        emitted = R::Vec3::select(own, self.radiance(), emitted);
-        let environment = self.are(ENVIRONMENT);
-        if environment.any()
-            && let Some(light) = &self.lights.environment_light
-        {
-            let color = light.radiance::<R, N>(-dir, environment);
-            emitted = R::Vec3::select(environment, color, emitted);
+        let others = self.are_points() | self.are_infinite();
+        if others.any() {
+            emitted = R::Vec3::select(others, self.emitted_into(dir, others), emitted);
         }
         emitted
     }

@@ -50,9 +50,12 @@ mod direct;
 mod directional;
 mod emission;
 mod environment;
+mod environment_source;
+mod kinds;
 mod point;
 mod select;
 mod selected;
+mod source;
 mod sphere;
 mod table;
 mod tree;
@@ -63,10 +66,9 @@ use glam::Vec3;
 
 use self::bounds::BoundingSphere;
 use self::environment::EnvironmentLight;
-use self::table::{LightRows, light_rows};
+use self::table::{LISTS, LightRows};
 use crate::math::distribution::AliasTable;
 use crate::math::real::{Real, Vector};
-use crate::scene::CompiledScene;
 use crate::scene::compile::Uv;
 use crate::transport::vertex::EdgeEnd;
 
@@ -74,7 +76,7 @@ pub use direct::DirectSample;
 pub use emission::{EmissionPdf, EmissionSample};
 pub use select::{FIELD as SELECT_FIELD, LightSelection};
 pub use selected::SelectedLights;
-pub use table::LightId;
+pub use table::{LightId, Place};
 pub use tree::LightTree;
 
 /// All light sources of a scene, with indices: emissive primitives first, then points, directions,
@@ -88,7 +90,7 @@ pub struct Lights {
     /// Parameters of all lights.
     rows: Vec<LightRows>,
     /// Index of the first light of a kind: points, directions, environment.
-    pub first: [u32; 3],
+    pub first: [u32; LISTS],
     /// Environment light with its distribution, if the scene has one.
     pub environment_light: Option<EnvironmentLight>,
     /// Bounding sphere of the scene.
@@ -113,6 +115,17 @@ pub struct LightPoint<R: Real = f32, const N: usize = 1> {
 }
 
 impl<R: Real, const N: usize> LightPoint<R, N> {
+    /// Returns `yes` where the mask is set, else `no`, with the lights, the extent and the texture
+    /// coordinates of `no`.
+    #[inline(always)]
+    fn select(mask: R::Mask, yes: Self, no: Self) -> Self {
+        LightPoint {
+            position: R::Vec3::select(mask, yes.position, no.position),
+            normal: R::Vec3::select(mask, yes.normal, no.normal),
+            ..no
+        }
+    }
+
     /// Returns the point as an end of edges.
     #[inline(always)]
     pub fn end(&self) -> EdgeEnd<R> {
@@ -133,44 +146,6 @@ impl LightPoint {
 }
 
 impl Lights {
-    /// Collects the lights of a scene, chosen by their power.
-    pub fn new(scene: &CompiledScene) -> Lights {
-        Lights::with_select(scene, LightSelection::default())
-    }
-
-    /// Collects the lights of a scene.
-    pub fn with_select(scene: &CompiledScene, select: LightSelection) -> Lights {
-        let environment_light = scene.environment.as_ref().and_then(EnvironmentLight::new);
-        let [emitters, points, directionals] = [
-            scene.emitters.len(),
-            scene.points.len(),
-            scene.directionals.len(),
-        ]
-        .map(|n| n as u32);
-        let first = [
-            emitters,
-            emitters + points,
-            emitters + points + directionals,
-        ];
-        let count = first[2] + u32::from(environment_light.is_some());
-        let ids: Vec<LightId> = (0..count).map(|index| light_id(first, index)).collect();
-        let ball = BoundingSphere::for_scene(scene);
-        let weights = select::weights(scene, select, &ids, &ball, environment_light.as_ref());
-        let tree = match select {
-            LightSelection::Tree => LightTree::new(scene, &ids, &weights),
-            _ => None,
-        };
-        Lights {
-            choice: AliasTable::new(weights),
-            tree,
-            rows: ids.iter().map(|id| light_rows(scene, *id)).collect(),
-            first,
-            environment_light,
-            ball,
-            total_area: scene.emitters.iter().map(|e| f64::from(e.area)).sum(),
-        }
-    }
-
     /// Returns the number of lights.
     pub fn count(&self) -> usize {
         self.rows.len()
@@ -184,18 +159,13 @@ impl Lights {
     /// Returns the identity of the light with an index below [`Lights::count`].
     #[inline]
     pub fn id(&self, index: u32) -> LightId {
-        light_id(self.first, index)
+        LightId::new(self.first, index)
     }
 
     /// Returns the index of a light, also of an environment that the scene does not have.
     #[inline]
     pub fn index(&self, light: LightId) -> u32 {
-        match light {
-            LightId::Emitter(i) => i,
-            LightId::Point(i) => self.first[0] + i,
-            LightId::Directional(i) => self.first[1] + i,
-            LightId::Environment => self.first[2],
-        }
+        light.index(self.first)
     }
 
     /// Returns the total area of emissive surfaces in square scene units.
@@ -245,25 +215,5 @@ impl Lights {
     pub fn choose(&self, choice: f32) -> Option<(u32, f32)> {
         let (index, probability) = self.choice.as_ref()?.sample(choice);
         Some((index as u32, probability))
-    }
-}
-
-/// Returns the position of the first infinitely distant light; they are the last ones.
-fn first_distant(ids: &[LightId]) -> usize {
-    let is_distant = |id: &LightId| matches!(id, LightId::Directional(_) | LightId::Environment);
-    ids.iter().position(is_distant).unwrap_or(ids.len())
-}
-
-/// Returns the identity of the light with an index, from [`Lights::first`].
-#[inline]
-fn light_id([points, directionals, environment]: [u32; 3], index: u32) -> LightId {
-    if index < points {
-        LightId::Emitter(index)
-    } else if index < directionals {
-        LightId::Point(index - points)
-    } else if index < environment {
-        LightId::Directional(index - directionals)
-    } else {
-        LightId::Environment
     }
 }

@@ -4,13 +4,19 @@
 use std::f32::consts::{PI, TAU};
 
 use super::SelectedLights;
+use super::source::{EmittingLanes, LightFacts, LightSource, PowerContext};
+use super::table::light_rows;
+use super::tree::LightBounds;
+use crate::math::luminance::luminance_of;
 use crate::math::real::{Mask, Real, Vector};
 use crate::math::simd::Lanes;
 use crate::math::{Frame, warp};
+use crate::scene::CompiledScene;
+use crate::scene::compile::PointLight;
 
 /// The cones of point lights: [`Cone`](crate::scene::compile::Cone) in lanes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Cones<R: Real> {
+struct Cones<R: Real> {
     axis: R::Vec3,
     beam: R,
     cutoff: R,
@@ -30,7 +36,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Cones<R> {
 
     /// Returns the fraction of the intensity in a unit direction, from 0 to 1.
     #[inline(always)]
-    pub fn falloff(&self, dir: V) -> R {
+    fn falloff(&self, dir: V) -> R {
         let (zero, one) = (R::splat(0.0), R::splat(1.0));
         if !(!self.whole).any() {
             return one;
@@ -50,7 +56,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Cones<R> {
 
     /// Returns the density per solid angle of a direction of emission: uniform over the whole cone.
     #[inline(always)]
-    pub fn pdf_w(&self, dir: V) -> R {
+    fn pdf_w(&self, dir: V) -> R {
         let one = R::splat(1.0);
         let inside = self.height(dir).le(self.cutoff_height);
         let cone = one / (R::splat(TAU) * self.cutoff_height);
@@ -64,7 +70,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Cones<R> {
 
     /// Samples a direction uniform over the cone.
     #[inline(always)]
-    pub fn sample(&self, v: [R; 2]) -> V {
+    fn sample(&self, v: [R; 2]) -> V {
         let (zero, one, two) = (R::splat(0.0), R::splat(1.0), R::splat(2.0));
         let sphere = warp::uniform_sphere(v);
         if !(!self.whole).any() {
@@ -80,10 +86,46 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Cones<R> {
     }
 }
 
+impl LightSource for PointLight {
+    fn facts(&self, _: &CompiledScene, _: &PowerContext) -> LightFacts {
+        let (p, axis, cone) = (self.position, self.cone.axis, &self.cone);
+        let heights = [cone.beam_height, cone.cutoff_height];
+        let first = [
+            p.x, p.y, p.z, axis.x, axis.y, axis.z, heights[0], heights[1],
+        ];
+        let end = [f32::from(u8::from(cone.smooth)), 0.0];
+        let falloff = 4.0 * std::f64::consts::PI * cone.mean_falloff();
+        LightFacts {
+            rows: light_rows(first, [cone.beam, cone.cutoff], self.intensity, end),
+            power: falloff * luminance_of(self.intensity),
+            bounds: Some(LightBounds::point(p, cone, 0.0)),
+        }
+    }
+}
+
+impl<R: Lanes<N>, const N: usize> EmittingLanes<R, N> for PointLight {
+    #[inline(always)]
+    fn sample(lights: &SelectedLights<R, N>, v: [R; 2], lanes: R::Mask) -> ([R::Vec3; 2], R) {
+        let cones = lights.cones();
+        let dir = cones.sample(v);
+        ([dir, Self::emitted(lights, dir, lanes)], cones.pdf_w(dir))
+    }
+
+    #[inline(always)]
+    fn pdf_w(lights: &SelectedLights<R, N>, dir: R::Vec3, _: R::Mask) -> R {
+        lights.cones().pdf_w(dir)
+    }
+
+    #[inline(always)]
+    fn emitted(lights: &SelectedLights<R, N>, dir: R::Vec3, _: R::Mask) -> R::Vec3 {
+        lights.radiance() * lights.cones().falloff(dir)
+    }
+}
+
 impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
     /// Returns the cones of point lights.
     #[inline(always)]
-    pub(super) fn cones(&self) -> Cones<R> {
+    fn cones(&self) -> Cones<R> {
         let [first, second] = &self.rows;
         Cones {
             axis: self.vector(3),
@@ -91,7 +133,7 @@ impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
             cutoff: second[1],
             beam_height: first[6],
             cutoff_height: first[7],
-            smooth: second[5].gt(R::splat(0.0)),
+            smooth: self.flags().gt(R::splat(0.0)),
             whole: first[7].ge(R::splat(2.0)),
         }
     }

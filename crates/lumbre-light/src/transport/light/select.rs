@@ -1,14 +1,16 @@
-//! Strategies for choosing a light for a sample.
+//! Strategies for choosing a light for a sample, and the collection of all lights.
 
 use std::collections::BTreeMap;
 
 use super::bounds::BoundingSphere;
 use super::environment::EnvironmentLight;
-use super::{LightId, area, first_distant};
+use super::source::{LightFacts, PowerContext};
+use super::table::{LISTS, first_indices};
+use super::{LightId, LightTree, Lights};
+use crate::math::distribution::AliasTable;
 use crate::math::luminance::luminance_of;
 use crate::scene::CompiledScene;
-use crate::scene::compile::{NONE, Texture};
-use crate::transport::surface::lookup;
+use crate::scene::compile::Texture;
 use crate::value::Value;
 use crate::value::schema::{Field, Ty};
 
@@ -69,26 +71,59 @@ impl LightSelection {
     }
 }
 
-/// Number of texture lookups for estimating the emission of a textured primitive.
-const PROBES: u32 = 16;
-
-/// Share of the whole texture's mean brightness in the estimate, so that a light whose bright spot
-/// no probe hit is still chosen.
-const MEAN_SHARE: f64 = 0.1;
-
 /// Least share of the infinitely distant lights together, and of all others together, where power
 /// decides and a scene has both. The power of distant lights grows with the square of the scene:
 /// beside a large floor they would leave nothing to a lamp that lights most of the picture.
 const LEAST_SHARE: f64 = 1.0 / 3.0;
 
+impl Lights {
+    /// Collects the lights of a scene, chosen by their power.
+    pub fn new(scene: &CompiledScene) -> Lights {
+        Lights::with_select(scene, LightSelection::default())
+    }
+
+    /// Collects the lights of a scene.
+    pub fn with_select(scene: &CompiledScene, select: LightSelection) -> Lights {
+        let environment_light = scene.environment.as_ref().and_then(EnvironmentLight::new);
+        let first = first_indices(scene);
+        let count = first[LISTS - 1] + u32::from(environment_light.is_some());
+        let ids: Vec<LightId> = (0..count).map(|index| LightId::new(first, index)).collect();
+        let ball = BoundingSphere::for_scene(scene);
+        let context = PowerContext {
+            disk_area: f64::from(ball.disk_area()),
+            brightness: scene.textures.iter().map(mean_luminance).collect(),
+            environment: environment_light
+                .as_ref()
+                .map_or(0.0, EnvironmentLight::power),
+        };
+        let facts = ids.iter().filter_map(|id| id.facts(scene, &context));
+        let facts: Vec<LightFacts> = facts.collect();
+        let weights = weights(scene, select, &ids, &facts);
+        let tree = match select {
+            LightSelection::Tree => {
+                LightTree::new(facts.iter().map(|light| light.bounds), &weights)
+            }
+            _ => None,
+        };
+        Lights {
+            choice: AliasTable::new(weights),
+            tree,
+            rows: facts.into_iter().map(|light| light.rows).collect(),
+            first,
+            environment_light,
+            ball,
+            total_area: scene.emitters.iter().map(|e| f64::from(e.area)).sum(),
+        }
+    }
+}
+
 /// Returns the weights of all lights, by index; for a tree, their powers. Every light that emits has
 /// a positive weight.
-pub(super) fn weights(
+fn weights(
     scene: &CompiledScene,
     select: LightSelection,
     ids: &[LightId],
-    ball: &BoundingSphere,
-    environment_light: Option<&EnvironmentLight>,
+    facts: &[LightFacts],
 ) -> Vec<f64> {
     let emitters = scene.emitters.len().max(1) as f64;
     let mean_area = scene
@@ -98,25 +133,16 @@ pub(super) fn weights(
         .sum::<f64>()
         / emitters;
     let without_area = if mean_area > 0.0 { mean_area } else { 1.0 };
-    let brightness: Vec<f64> = scene.textures.iter().map(mean_luminance).collect();
-    let disk = f64::from(ball.disk_area());
-    let weight = |id: LightId| match (select, id) {
-        (LightSelection::Uniform, _) => 1.0,
-        (LightSelection::Area, LightId::Emitter(i)) => f64::from(scene.emitters[i as usize].area),
-        (LightSelection::Area, _) => without_area,
-        (_, LightId::Emitter(i)) => emitter_power(scene, i, &brightness),
-        (_, LightId::Point(i)) => {
-            let light = &scene.points[i as usize];
-            4.0 * std::f64::consts::PI * light.cone.mean_falloff() * luminance_of(light.intensity)
-        }
-        (_, LightId::Directional(i)) => {
-            disk * luminance_of(scene.directionals[i as usize].irradiance)
-        }
-        (_, LightId::Environment) => disk * environment_light.map_or(0.0, EnvironmentLight::power),
+    let area = |i: u32| f64::from(scene.emitters[i as usize].area);
+    let weight = |(id, light): (&LightId, &LightFacts)| match select {
+        LightSelection::Uniform => 1.0,
+        LightSelection::Area => id.emitter().map_or(without_area, area),
+        LightSelection::Power | LightSelection::Tree => light.power,
     };
-    let mut weights: Vec<f64> = ids.iter().map(|id| weight(*id)).collect();
+    let mut weights: Vec<f64> = ids.iter().zip(facts).map(weight).collect();
     if matches!(select, LightSelection::Power | LightSelection::Tree) {
-        share(weights.split_at_mut(first_distant(ids)));
+        let near = facts.iter().take_while(|light| light.bounds.is_some());
+        share(weights.split_at_mut(near.count()));
     }
     weights
 }
@@ -132,25 +158,6 @@ fn share((near, distant): (&mut [f64], &mut [f64])) {
             weights.iter_mut().for_each(|weight| *weight *= factor);
         }
     }
-}
-
-/// Estimates the luminance of the power that an emissive primitive emits on its front.
-fn emitter_power(scene: &CompiledScene, i: u32, brightness: &[f64]) -> f64 {
-    let m = area::material(scene, i);
-    let plain = std::f64::consts::PI
-        * f64::from(scene.emitters[i as usize].area)
-        * luminance_of(m.emission);
-    if m.emission_texture == NONE {
-        return plain;
-    }
-    let side = PROBES.isqrt();
-    let probe = |k: u32| {
-        let u = [(k % side) as f32 + 0.5, (k / side) as f32 + 0.5].map(|x| x / side as f32);
-        let uv = area::sample_uv(scene, i, u);
-        luminance_of(lookup(&scene.textures, m.emission_texture, uv, m.tiling))
-    };
-    let probed = (0..PROBES).map(probe).sum::<f64>() / f64::from(PROBES);
-    plain * (probed + MEAN_SHARE * brightness[m.emission_texture as usize])
 }
 
 fn mean_luminance(texture: &Texture) -> f64 {
@@ -206,16 +213,13 @@ mod tests {
 
     #[test]
     fn lights_whose_only_bright_texel_no_probe_finds_are_chosen() {
-        let ids = [LightId::Emitter(0), LightId::Emitter(1)];
         for texel in [0, 63, 64 * 31 + 17, 64 * 64 - 1] {
             let scene = glowing_texel(64, texel);
-            let ball = BoundingSphere::for_scene(&scene);
             for select in [LightSelection::Power, LightSelection::Tree] {
-                let weights = weights(&scene, select, &ids, &ball, None);
-                assert!(
-                    weights.iter().all(|w| *w > 0.0),
-                    "{select:?}, {texel}: {weights:?}"
-                );
+                let lights = Lights::with_select(&scene, select);
+                for light in [LightId::Emitter(0), LightId::Emitter(1)] {
+                    assert!(lights.pdf_choice(light) > 0.0, "{select:?}, {texel}");
+                }
             }
         }
     }

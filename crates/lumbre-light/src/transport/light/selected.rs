@@ -1,11 +1,10 @@
 //! The lights that lanes have selected, with their parameters.
 
-use super::Lights;
-use super::table::{
-    DIRECTIONAL, ENVIRONMENT, LightId, LightRows, NO_LIGHT, POINT, SPHERE, TRIANGLE,
-};
+use super::table::{LightId, LightRows, NO_LIGHT, Place, SourceKind};
+use super::{LightPoint, Lights};
 use crate::math::real::{Mask, Real, Vector};
 use crate::math::simd::{Lanes, active_lanes, map_array, store_vectors};
+use crate::scene::compile::Uv;
 
 /// The light of each lane, with its parameters.
 #[derive(Clone, Copy, Debug)]
@@ -122,32 +121,50 @@ impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
 
     /// Returns the lanes whose light is of a kind.
     #[inline(always)]
-    pub(super) fn are(&self, kind: f32) -> R::Mask {
-        self.rows[1][7].eq(R::splat(kind))
+    pub(super) fn are(&self, kind: SourceKind) -> R::Mask {
+        self.rows[1][7].eq(R::splat(kind.number()))
     }
 
     /// Returns the lanes with emissive primitives.
     #[inline(always)]
     pub fn are_emitters(&self) -> R::Mask {
-        self.are(TRIANGLE) | self.are(SPHERE)
+        self.are_at(|place| matches!(place, Place::Surface))
     }
 
     /// Returns the lanes with point lights.
     #[inline(always)]
     pub fn are_points(&self) -> R::Mask {
-        self.are(POINT)
+        self.are_at(|place| matches!(place, Place::Point))
     }
 
     /// Returns the lanes with infinitely distant lights.
     #[inline(always)]
     pub fn are_infinite(&self) -> R::Mask {
-        self.are(DIRECTIONAL) | self.are(ENVIRONMENT)
+        self.are_at(Place::is_distant)
     }
 
-    /// Returns the lanes with the environment.
+    /// Returns the lanes with infinitely distant lights that paths can hit.
     #[inline(always)]
     pub fn are_environments(&self) -> R::Mask {
-        self.are(ENVIRONMENT)
+        self.are_at(|place| matches!(place, Place::Outside))
+    }
+
+    /// Returns the lanes with lights that no path can hit by chance.
+    #[inline(always)]
+    pub fn are_dirac(&self) -> R::Mask {
+        self.are_at(Place::is_dirac)
+    }
+
+    /// Returns points of the lights without texture coordinates.
+    #[inline(always)]
+    pub(super) fn point(&self, position: R::Vec3, normal: R::Vec3) -> LightPoint<R, N> {
+        LightPoint {
+            lights: self.ids(),
+            position,
+            normal,
+            extent: self.extent(),
+            uv: Uv::zero(),
+        }
     }
 
     /// Returns the identities of the lights.
@@ -200,9 +217,9 @@ impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
         R::Vec3::new(self.rows[1][2], self.rows[1][3], self.rows[1][4])
     }
 
-    /// Returns the lanes with emissive primitives whose emission depends on texture coordinates.
+    /// Returns the flags of the lights.
     #[inline(always)]
-    pub(super) fn are_textured(&self) -> R::Mask {
-        self.rows[1][5].gt(R::splat(0.0)) & self.are_emitters()
+    pub(super) fn flags(&self) -> R {
+        self.rows[1][5]
     }
 }

@@ -8,7 +8,7 @@ use crate::transport::integrator::Context;
 use crate::transport::integrator::bdpt::single::{ConnectedPath, SharedVertex};
 use crate::transport::integrator::bdpt::state::Vertex;
 use crate::transport::integrator::iteration::light_paths::LightPaths;
-use crate::transport::light::{LightId, LightPoint};
+use crate::transport::light::{LightPoint, Place};
 
 /// A vertex between the light and the lens.
 #[derive(Clone, Copy, Debug)]
@@ -136,19 +136,13 @@ impl Path {
     }
 
     /// Returns whether the light is infinitely distant and has a direction in place of a position.
-    fn outside(&self) -> bool {
-        matches!(
-            self.light.light(),
-            LightId::Environment | LightId::Directional(_)
-        )
+    pub fn outside(&self) -> bool {
+        self.light.light().place().is_distant()
     }
 
     /// Returns whether no path can hit the light by chance.
     pub fn light_is_dirac(&self) -> bool {
-        matches!(
-            self.light.light(),
-            LightId::Point(_) | LightId::Directional(_)
-        )
+        self.light.light().place().is_dirac()
     }
 
     /// Returns whether the event at `x_i` is a Dirac event.
@@ -177,10 +171,10 @@ impl Path {
         let edge = self.position(to) - self.position(from);
         let cos = |n: Vec3| edge.dot(n.as_dvec3()).abs() / edge.length();
         let d2 = edge.length_squared();
-        match (to, self.light.light()) {
-            (0, LightId::Emitter(_)) => cos(self.light.normal) / d2,
-            (0, LightId::Point(_)) => 1.0 / d2,
-            (0, _) => 1.0,
+        match (to, self.light.light().place()) {
+            (0, Place::Surface) => cos(self.light.normal) / d2,
+            (0, Place::Point) => 1.0 / d2,
+            (0, Place::Direction | Place::Outside) => 1.0,
             _ => cos(self.surfaces[to - 1].n_geometric) / d2,
         }
     }
@@ -188,15 +182,17 @@ impl Path {
     /// Returns the density with which light paths start at `x_0`, in its measure.
     fn start(&self, context: &Context) -> f64 {
         let choice = f64::from(context.lights.pdf_choice(self.light.light()));
-        match self.light.light() {
-            LightId::Emitter(i) => choice / f64::from(context.scene.emitters[i as usize].area),
-            LightId::Point(_) | LightId::Directional(_) => choice,
-            LightId::Environment => choice * self.environment(context),
+        match self.light.light().emitter() {
+            Some(i) => choice / f64::from(context.scene.emitters[i as usize].area),
+            None => choice * self.direction(context),
         }
     }
 
-    /// Returns the density per solid angle of the direction of the environment, given its choice.
-    fn environment(&self, context: &Context) -> f64 {
+    /// Returns the density of a light without a surface in its measure, given its choice.
+    fn direction(&self, context: &Context) -> f64 {
+        if self.light_is_dirac() {
+            return 1.0;
+        }
         f64::from(context.lights.pdf_environment_one_w(-self.dirs[0]))
     }
 
@@ -205,10 +201,8 @@ impl Path {
         let (scene, light) = (context.scene, self.light.light());
         let from = self.surfaces[0].position;
         let choice = f64::from(context.lights.pdf_direct_choice(light, from));
-        let i = match light {
-            LightId::Emitter(i) => i,
-            LightId::Point(_) | LightId::Directional(_) => return choice,
-            LightId::Environment => return choice * self.environment(context),
+        let Some(i) = light.emitter() else {
+            return choice * self.direction(context);
         };
         let primitive = scene.emitters[i as usize].primitive as usize;
         let Some(sphere) = primitive
@@ -230,13 +224,12 @@ impl Path {
     fn light_density(&self, context: &Context, i: usize) -> f64 {
         let per_solid_angle = if i == 1 {
             let e = context.lights.pdf_emission_at(&self.light, self.dirs[0]);
-            match self.light.light() {
+            if self.outside() {
                 // The start is uniform over a disk, the only density left once the direction is
                 // known.
-                LightId::Environment | LightId::Directional(_) => {
-                    f64::from(e.pdf_a) / f64::from(context.lights.pdf_choice(self.light.light()))
-                }
-                _ => f64::from(e.pdf_w),
+                f64::from(e.pdf_a) / f64::from(context.lights.pdf_choice(self.light.light()))
+            } else {
+                f64::from(e.pdf_w)
             }
         } else {
             let (v, wo, wi) = (&self.surfaces[i - 2], -self.dirs[i - 2], self.dirs[i - 1]);

@@ -10,7 +10,6 @@ use crate::transport::integrator::bdpt::weights::{
     LightEnd, MisEdge, MisEndpoint, others_interior, others_merging, others_s0, others_s1,
     others_s1_t1, others_t1,
 };
-use crate::transport::light::LightId;
 use crate::transport::vertex;
 
 /// A surface vertex of a subpath.
@@ -157,12 +156,11 @@ fn others(context: &Context, rule: &Rule, path: &Path, s: usize) -> Option<f64> 
     let light = light_side(context, rule, path, s);
     Some(match (s, light, camera) {
         (0, _, _) => {
-            let partials = match path.light.light() {
-                LightId::Environment => existing(edge.distant_partials(h))?,
-                _ => {
-                    let at = [path.light.position, path.light.normal];
-                    existing(edge.endpoint(h, at))?.partials
-                }
+            let partials = if path.outside() {
+                existing(edge.distant_partials(h))?
+            } else {
+                let at = [path.light.position, path.light.normal];
+                existing(edge.endpoint(h, at))?.partials
             };
             others_s0((h, &rule.counts), &partials, &end(edge.from), k as u32 + 1)
         }

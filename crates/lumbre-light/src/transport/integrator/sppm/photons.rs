@@ -9,7 +9,6 @@ use crate::transport::integrator::iteration::light_batch::LightUnit;
 use crate::transport::integrator::iteration::light_paths::UNIT;
 use crate::transport::integrator::iteration::photon_map::{Grid, PhotonMap, UnitPoints};
 use crate::transport::integrator::iteration::{Iteration, Resources, Shared};
-use crate::transport::light::LightId;
 use crate::transport::path_time::OpticalLength;
 use crate::transport::ray::Ray;
 use glam::Vec3;
@@ -166,8 +165,7 @@ fn for_each_photon(
 ) {
     let store = paths.store();
     for (start, vertices) in paths.paths().filter(|(_, vertices)| !vertices.is_empty()) {
-        let light = context.lights.id(start.light);
-        let unhittable = matches!(light, LightId::Point(_) | LightId::Directional(_));
+        let unhittable = context.lights.id(start.light).place().is_dirac();
         // Whether all events were Dirac events.
         let mut straight = true;
         for index in vertices {

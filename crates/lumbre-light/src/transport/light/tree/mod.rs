@@ -19,12 +19,11 @@ mod build;
 
 use glam::Vec3;
 
-use self::bounds::LightBounds;
-use super::{LightId, area, first_distant};
 use crate::math::distribution::AliasTable;
 use crate::math::rng::pcg4d;
-use crate::scene::CompiledScene;
 use crate::scene::compile::NONE;
+
+pub(super) use self::bounds::LightBounds;
 
 /// Number of children of a node.
 const CHILDREN: usize = 8;
@@ -80,16 +79,21 @@ pub struct LightTree {
 }
 
 impl LightTree {
-    /// Builds the tree over lights with these identities and powers. Infinitely distant lights are
-    /// the last ones. Lights without power are never chosen. Returns `None` if no light has any.
-    pub fn new(scene: &CompiledScene, ids: &[LightId], powers: &[f64]) -> Option<LightTree> {
-        let first_distant = first_distant(ids);
+    /// Builds the tree over lights with these bounds and powers. Infinitely distant lights have no
+    /// bounds and are the last ones. Lights without power are never chosen. Returns `None` if no
+    /// light has any.
+    pub(super) fn new(
+        bounds: impl Iterator<Item = Option<LightBounds>>,
+        powers: &[f64],
+    ) -> Option<LightTree> {
+        let near: Vec<LightBounds> = bounds.map_while(|bounds| bounds).collect();
+        let first_distant = near.len();
         let total: f64 = powers[..first_distant].iter().sum();
-        let lights = ids[..first_distant].iter().zip(powers).zip(0..);
+        let lights = near.into_iter().zip(powers).zip(0..);
         let lights = lights.filter(|((_, power), _)| **power > 0.0);
-        let lights = lights.map(|((id, power), index)| {
-            let share = (power / total) as f32;
-            (index, light_bounds(scene, *id, share.max(LEAST_SHARE)))
+        let lights = lights.map(|((bounds, own), index)| {
+            let power = ((own / total) as f32).max(LEAST_SHARE);
+            (index, LightBounds { power, ..bounds })
         });
         let mut places = vec![NONE; first_distant];
         let nodes = build::nodes(lights.collect(), &mut places);
@@ -282,29 +286,6 @@ impl Node {
         let lit = least >= self.cos_emission[i];
         let value = self.power[i] * least.max(LEAST_COS) / distance2.max(radius2);
         if lit { value } else { 0.0 }
-    }
-}
-
-/// Returns the bounds of a light with a position.
-fn light_bounds(scene: &CompiledScene, id: LightId, power: f32) -> LightBounds {
-    match id {
-        LightId::Emitter(i) => match area::sphere(scene, i) {
-            Some(sphere) => LightBounds::round(
-                [sphere.center - sphere.radius, sphere.center + sphere.radius],
-                power,
-            ),
-            None => {
-                let emitter = &scene.emitters[i as usize];
-                LightBounds::triangle(scene.corners(emitter.primitive, emitter.instance), power)
-            }
-        },
-        LightId::Point(i) => {
-            let light = &scene.points[i as usize];
-            LightBounds::point(light.position, &light.cone, power)
-        }
-        LightId::Directional(_) | LightId::Environment => {
-            LightBounds::round([Vec3::ZERO; 2], power)
-        }
     }
 }
 
