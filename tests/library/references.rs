@@ -31,7 +31,9 @@ fn diffuse_cornell_box_equals_mitsuba_at_every_depth() {
     assert!(references.len() >= 4);
     let bpt = &technique::plain()[0];
     for reference in &references {
-        let found = reference.compare(bpt, reference.setting(48, 77, 0), references.len()).unwrap();
+        let found = reference
+            .compare(bpt, reference.setting(48, 77, 0), references.len())
+            .unwrap();
         let least = if reference.max_depth == Some(1) {
             3
         } else {

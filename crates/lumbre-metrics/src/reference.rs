@@ -78,7 +78,7 @@ fn perfect(metric: &MetricRow) -> String {
 /// Describes the effect of the noise of a reference, and whether it can be subtracted.
 fn noise_text(noise: Noise) -> &'static str {
     match noise {
-        Noise::Adds => {
+        Noise::Adds | Noise::AddsRelative => {
             "estimated from the reference halves; it adds to the value and can be subtracted"
         }
         Noise::AddsSquared => {

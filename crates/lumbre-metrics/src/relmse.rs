@@ -28,7 +28,7 @@ pub const ROW: MetricRow = MetricRow {
         colours: Colours::Magma,
         top: None,
     }),
-    noise: Noise::Adds,
+    noise: Noise::AddsRelative,
     settle: None,
 };
 

@@ -5,7 +5,7 @@
 //!   drifts disturbs both alike: two techniques are compared by the differences of their repeats
 //!   (Student's t), or by Welch's test if they do not have the same repeats.
 //! - The best technique is chosen by its results, so any pair can be the one that is shown:
-//!   intervals and p-values are corrected for the number of all pairs [Bonferroni].
+//!   intervals and p-values are corrected for the number of all pairs [Dunn 1961].
 //! - The noise of the reference is subtracted from errors. Its estimate has an error of its own,
 //!   which all runs share and more repeats do not lessen: each pair is compared with the noise at
 //!   both ends of its interval as well, and the widest answer counts.

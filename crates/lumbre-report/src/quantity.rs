@@ -112,8 +112,8 @@ impl RunValue {
     }
 }
 
-/// Returns the time at which a curve of (time, value) first reached a threshold, or `None` for an
-/// empty curve. `reached` says whether a value is at least as good, `scale` the scale on which
+/// Returns the time from which on a curve of (time, value) stayed at a threshold or better, or `None`
+/// for an empty curve: the first passage would reward a run that was lucky once. `reached` says whether a value is at least as good, `scale` the scale on which
 /// values are nearly linear in the logarithm of time, as an error is on a logarithmic one.
 ///
 /// Between measurements the time is interpolated. It is a bound if the first measurement had
@@ -126,9 +126,11 @@ pub fn crossing(
 ) -> Option<RunValue> {
     let (last_time, _) = *curve.last()?;
     let bound = |number, bound| Some(RunValue::bounded(number, bound));
-    let Some(index) = curve.iter().position(|(_, value)| reached(*value)) else {
+    let last_missed = curve.iter().rposition(|(_, value)| !reached(*value));
+    let index = last_missed.map_or(0, |missed| missed + 1);
+    if index == curve.len() {
         return bound(last_time, Bound::Lower);
-    };
+    }
     let (after, value_after) = curve[index];
     let Some((before, value_before)) = index.checked_sub(1).map(|i| curve[i]) else {
         return bound(after, Bound::Upper);
@@ -141,7 +143,7 @@ pub fn crossing(
     Some(RunValue::exact(if is_between { time } else { after }))
 }
 
-/// Returns the time at which a metric first reached a threshold, as [`crossing`] does. `curve` has
+/// Returns the time from which on a metric stayed at a threshold, as [`crossing`] does. `curve` has
 /// the render time in seconds and the metric's value of each measurement.
 pub fn time_to(better: Better, curve: &[(f64, f64)], threshold: f64) -> Option<RunValue> {
     let magnitude = |value: f64| match better {
@@ -234,7 +236,7 @@ pub fn title(metrics: &[MetricSpec], value: &TableValue) -> String {
             Some((_, m)) => {
                 let sign = threshold_sign(m.row.better);
                 format!(
-                    "Render time in seconds until {} {sign} {threshold}",
+                    "Render time in seconds until {} {sign} {threshold} for good",
                     format::metric_description(m)
                 )
             }
@@ -264,6 +266,13 @@ mod tests {
                 (10f64.powf(1.5), Bound::Exact),
             ),
             (Better::Lower, [0.1, 0.1, 0.1], (1.0, Bound::Upper)),
+            // It was lucky at first.
+            (
+                Better::Lower,
+                [0.01, 1.0, 0.01],
+                (10f64.powf(1.5), Bound::Exact),
+            ),
+            (Better::Lower, [0.01, 0.01, 0.2], (100.0, Bound::Lower)),
             (Better::Lower, [1.0, 0.5, 0.2], (100.0, Bound::Lower)),
             (Better::Higher, [0.0, 0.1, 0.2], (10.0, Bound::Exact)),
             (Better::Higher, [0.0, 0.05, 0.09], (100.0, Bound::Lower)),

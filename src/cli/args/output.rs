@@ -97,7 +97,7 @@ pub struct ReportArgs {
     /// crops].
     #[arg(long, value_name = "X,Y,W,H", value_parser = window)]
     pub crop: Vec<[u32; 4]>,
-    /// Add a table of the time until a metric first reached a value, as in `rmse=0.01`
+    /// Add a table of the time until a metric reached a value for good, as in `rmse=0.01`
     /// (repeatable).
     #[arg(long, value_name = "COLUMN=VALUE", value_parser = threshold)]
     pub threshold: Vec<(String, f64)>,

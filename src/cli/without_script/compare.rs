@@ -63,6 +63,8 @@ pub fn main(args: &CompareArgs, global: &Global, log: &Log) -> Result<Exit, Fail
         format!("warning: {sentence}; --reference names another technique")
     }));
     lines.extend(floor_warning(&night, reference_technique(comparison)));
+    let noisy = night.noisy_references();
+    lines.extend(noisy.iter().map(|sentence| format!("warning: {sentence}")));
     lines.extend(
         clock_caveats(&night)
             .iter()

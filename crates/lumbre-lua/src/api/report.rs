@@ -117,7 +117,7 @@ pub const GLOBALS: &[ApiFn] = &[ApiFn {
     ],
     returns: "TimeTo",
     doc: "Returns a value for tables and figures over axes: render time in seconds until a metric \
-          first reached a threshold.",
+          reached a threshold for good.",
     call: time_to,
 }];
 

@@ -165,7 +165,7 @@ pub enum TableValue {
     Metric(String),
     /// Quantity that every run has.
     Run(RunColumn),
-    /// Seconds of render time until a metric column first reached a threshold.
+    /// Seconds of render time until a metric column reached a threshold for good.
     TimeTo {
         /// Column of the metric.
         column: String,

@@ -388,6 +388,11 @@ fn caveats(study: &Study, tables: &[&Table]) -> Vec<String> {
             ));
         }
     }
+    let noisy = study
+        .nights
+        .iter()
+        .flat_map(|night| night.noisy_references());
+    caveats.extend(noisy.collect::<BTreeSet<String>>());
     caveats.extend(clocks(study));
     caveats.extend(mixed_lanes(study));
     caveats.extend(disagreements(study));

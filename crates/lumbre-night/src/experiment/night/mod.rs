@@ -208,6 +208,33 @@ impl Night {
             .collect()
     }
 
+    /// Returns sentences on references that are too noisy for ratios of a metric against them.
+    pub fn noisy_references(&self) -> BTreeSet<String> {
+        let too_noisy = |run: &Arc<Run>| {
+            let reference = self.references.get(run.reference?)?;
+            let ReferenceOrigin::Rendered { samples, .. } = &reference.origin else {
+                return None;
+            };
+            let sentence = |metric: &MetricSpec| {
+                let floor = run.floor(&metric.column)?;
+                let needed = metric.samples_for_ratios(floor.value, *samples)?;
+                Some(format!(
+                    "The reference is too noisy for {}, which divides by it: nothing is claimed. A \
+                     reference of {needed} samples per pixel would do; this one has {samples}.",
+                    metric.row.label
+                ))
+            };
+            Some(
+                self.plan
+                    .metrics
+                    .iter()
+                    .filter_map(sentence)
+                    .collect::<Vec<_>>(),
+            )
+        };
+        self.runs.iter().filter_map(too_noisy).flatten().collect()
+    }
+
     /// Returns the devices of all finished runs in the order of the plan, without repetition.
     pub fn devices(&self) -> Vec<String> {
         let mut devices: Vec<String> = Vec::new();

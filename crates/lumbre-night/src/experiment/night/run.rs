@@ -212,9 +212,13 @@ impl Run {
     }
 
     /// Returns the errors of [`Run::net_error`] if the noise of the reference is at the lower and
-    /// the upper end of its confidence interval.
+    /// the upper end of its confidence interval; NaN if it is too noisy for ratios of the metric.
     pub fn net_ends(&self, spec: &MetricSpec, error: f64) -> [f64; 2] {
-        let floor = self.floor(&spec.column).map(Floor::ends);
+        let floor = self.floor(&spec.column);
+        if floor.is_some_and(|floor| spec.samples_for_ratios(floor.value, 1).is_some()) {
+            return [f64::NAN; 2];
+        }
+        let floor = floor.map(Floor::ends);
         let net = |floor: [f64; 2]| {
             let [low, high] = floor.map(|floor| spec.net(error, floor));
             Some([low?, high?])

@@ -47,6 +47,12 @@ pub fn bias_check_seeds() -> [u64; 2] {
     [2, 3].map(|half| derive("lumbre 1 seed of a reference", 0, half) | REFERENCE_BIT)
 }
 
+/// Returns the seeds of the two halves of a picture that confirms a bias check, for those of the
+/// picture that it replaces.
+pub fn confirming_seeds(seeds: [u64; 2]) -> [u64; 2] {
+    seeds.map(|seed| !seed | REFERENCE_BIT)
+}
+
 /// Returns the seed of all warm-ups, which nothing else uses.
 pub fn warmup_seed() -> u64 {
     derive("lumbre 1 seed of a warm-up", 0, 0) | REFERENCE_BIT

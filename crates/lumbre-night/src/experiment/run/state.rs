@@ -149,4 +149,6 @@ impl ReferenceState {
 pub(super) struct ReferenceEstimate {
     pub(super) mean: SharedImage,
     pub(super) variance: SharedImage,
+    /// Samples per pixel; `None` if that is not known.
+    pub(super) samples: Option<u64>,
 }

@@ -191,8 +191,8 @@ pub(in crate::report) fn common_error(study: &Study, facet: usize, metric: usize
     }
 }
 
-/// Returns the time at which a curve first was at least as good as a drawn value.
-fn first_reached(curve: &MetricCurve, drawn: f64, scale: Scale) -> Option<RunValue> {
+/// Returns the time from which on a curve was at least as good as a drawn value.
+fn reached(curve: &MetricCurve, drawn: f64, scale: Scale) -> Option<RunValue> {
     match scale {
         Scale::Log => crossing(&curve.points, drawn, |y| y <= drawn, f64::ln),
         Scale::Linear => crossing(&curve.points, drawn, |y| y >= drawn, |y| y),
@@ -211,8 +211,8 @@ pub(super) fn equal_error(study: &Study, metric: usize) -> Option<Table> {
         .collect();
     errors.iter().flatten().next()?;
     let caption = format!(
-        "Render time in seconds until {} first reached the value in the row's label, which is the \
-         worst final value of the row's runs. Times between measurements are interpolated. Mean \
+        "Render time in seconds until {} reached the value in the row's label for good, which is \
+         the worst final value of the row's runs. Times between measurements are interpolated. Mean \
          over repeats.",
         format::metric_description(spec)
     );
@@ -230,7 +230,7 @@ pub(super) fn equal_error(study: &Study, metric: usize) -> Option<Table> {
     };
     let mut table = fill_table(study, table, Ranking::ShorterTime, |facet, m| {
         let curve = curve_over_time(study, m, metric);
-        first_reached(&curve, errors[facet]?, display.scale)
+        reached(&curve, errors[facet]?, display.scale)
     });
     table.label_headers.push(spec.row.label.to_owned());
     for ((labels, _), error) in table.rows.iter_mut().zip(errors) {
@@ -246,8 +246,8 @@ pub(super) fn time_to(study: &Study, metric: usize, threshold: f64) -> Table {
     let spec = &study.metrics[metric];
     let sign = quantity::threshold_sign(spec.row.better);
     let caption = format!(
-        "Render time in seconds until {} {sign} {threshold}. Times between measurements are \
-         interpolated. Mean over repeats.",
+        "Render time in seconds until {} {sign} {threshold} for good. Times between measurements \
+         are interpolated. Mean over repeats.",
         format::metric_description(spec)
     );
     let table = Table {
