@@ -20,31 +20,49 @@ const SIDE: u32 = 32;
 /// Radiance of the true picture everywhere.
 const TRUTH: f32 = 0.5;
 
+/// Page of the book that has the table, from [`BEGIN`] on.
+const PAGE: &str = "docs/reference/verdicts.md";
+
+/// Line of the page after which the table is.
+const BEGIN: &str = "<!-- Made by `cargo xtask calibrate --write`. -->\n";
+
 /// Arguments of `calibrate`.
 #[derive(clap::Args)]
 pub struct Args {
     /// Nights for each line of the table
-    #[arg(long, default_value_t = 400)]
+    #[arg(long, default_value_t = 1000)]
     nights: u32,
-    /// Only lines whose noise has one of these texts in its name
+    /// Write the table into the page of the book
     #[arg(long)]
-    only: Vec<String>,
+    write: bool,
 }
 
 /// Prints the table.
 ///
 /// # Errors
-/// Never; chores return results.
+/// Returns a message if the page cannot be written.
 pub fn run(args: &Args) -> Result<(), String> {
+    let mut table = HEADER.to_owned();
     println!("{HEADER}");
     for setup in setups() {
-        let name = setup.noise.to_string();
-        if !args.only.is_empty() && !args.only.iter().any(|text| name.contains(text.as_str())) {
-            continue;
-        }
-        println!("{}", Rates::measure(&setup, args.nights).row(&setup));
+        let row = Rates::measure(&setup, args.nights).row(&setup);
+        println!("{row}");
+        table += &format!("\n{row}");
     }
-    Ok(())
+    if !args.write {
+        return Ok(());
+    }
+    let page = crate::root().join(PAGE);
+    let text = std::fs::read_to_string(&page).map_err(|e| format!("{PAGE}: {e}"))?;
+    let (before, rest) = text
+        .split_once(BEGIN)
+        .ok_or("the page has no place for the table")?;
+    let after = rest.find("\n\n## ").map_or("", |end| &rest[end..]);
+    let (nights, version) = (args.nights, env!("CARGO_PKG_VERSION"));
+    let text = format!(
+        "{before}{BEGIN}{table}\n\n({nights} nights for each line, version {version}.){after}"
+    );
+    std::fs::write(&page, text).map_err(|e| format!("{PAGE}: {e}"))
 }
 
 const HEADER: &str = "\
@@ -54,54 +72,52 @@ const HEADER: &str = "\
 
 /// Returns the lines of the table.
 fn setups() -> Vec<Setup> {
-    let mut setups = Vec::new();
-    for noise in [
+    let of = |noise: Noise| {
+        let setup = Setup {
+            noise,
+            ..Setup::NULL
+        };
+        let equal = |arms, repeats, floor| Setup {
+            arms,
+            repeats,
+            floor,
+            ..setup
+        };
+        let differ = |arms, ratio, floor| Setup {
+            arms,
+            ratio,
+            floor,
+            ..setup
+        };
+        [
+            equal(2, 5, 0.0),
+            equal(2, 16, 0.33),
+            equal(5, 5, 0.33),
+            equal(9, 5, 0.33),
+            equal(9, 16, 0.33),
+            differ(3, 1.2, 0.0),
+            differ(3, 2.0, 0.0),
+            differ(3, 4.0, 0.0),
+            differ(2, 4.0, 0.01),
+            differ(2, 4.0, 0.5),
+            differ(2, 4.0, 0.9),
+            Setup {
+                repeats: 3,
+                ..differ(2, 2.0, 0.0)
+            },
+            Setup {
+                drift: 0.5,
+                ..differ(2, 2.0, 0.0)
+            },
+        ]
+    };
+    let all = [
         Noise::Gauss,
         Noise::Fireflies,
         Noise::Pareto25,
         Noise::Pareto15,
-    ] {
-        for (arms, repeats) in [(2, 5), (2, 16), (5, 5), (9, 5), (9, 16)] {
-            for floor in [0.0, 0.33] {
-                setups.push(Setup {
-                    noise,
-                    arms,
-                    repeats,
-                    floor,
-                    ..Setup::NULL
-                });
-            }
-        }
-        for ratio in [1.2, 2.0, 4.0] {
-            setups.push(Setup {
-                noise,
-                ratio,
-                arms: 3,
-                ..Setup::NULL
-            });
-        }
-        for floor in [0.01, 0.1, 0.5, 0.9] {
-            setups.push(Setup {
-                noise,
-                ratio: 4.0,
-                floor,
-                ..Setup::NULL
-            });
-        }
-        setups.push(Setup {
-            noise,
-            ratio: 2.0,
-            repeats: 3,
-            ..Setup::NULL
-        });
-        setups.push(Setup {
-            noise,
-            ratio: 2.0,
-            drift: 0.5,
-            ..Setup::NULL
-        });
-    }
-    setups
+    ];
+    all.into_iter().flat_map(of).collect()
 }
 
 /// Distribution of the noise of one value of a picture; symmetric, with mean 0.
@@ -287,7 +303,7 @@ struct Rates {
     /// Share of all nights with a p-value below 5 % for a pair of equals, or for the wrong order, or
     /// with a winner that is none.
     false_claims: f64,
-    /// Share of all nights in which each technique that is truly worse is told from the best.
+    /// Share of all nights in which the best is significantly better than each technique that is truly worse.
     found: f64,
     /// Share of the nights in which some pair has no interval.
     refused: f64,

@@ -16,6 +16,8 @@
 //! because no run shares its noise with a reference. The difference is the net error. It is an
 //! estimate and can be negative if the measured error is only noise.
 
+use std::f64::consts::SQRT_2;
+
 use super::{MetricError, MetricSpec};
 use lumbre_light::film::Image;
 use lumbre_light::math::t_test::{standard_error, two_sided_t};
@@ -45,8 +47,8 @@ pub enum Noise {
 pub struct Floor {
     /// Estimate of the value.
     pub value: f64,
-    /// Standard error of the estimate; 0 if it is not known. All runs that are measured against the
-    /// reference share the error.
+    /// Standard error of the difference between the estimate and what the reference's noise adds to
+    /// each value; 0 if it is not known. All runs that are measured against the reference share it.
     pub error: f64,
 }
 
@@ -70,25 +72,24 @@ const MAX_RELATIVE_FLOOR: f64 = 0.01;
 /// Number of groups of pixels of which the standard error of a floor is computed.
 const GROUPS: usize = 32;
 
-/// Side in pixels of the squares of which groups consist, larger than what a pixel filter makes
-/// alike.
+/// Greatest side in pixels of the squares of which groups consist, larger than what a pixel filter
+/// makes alike. Small images have smaller squares, so that each group has two.
 const SQUARE: u32 = 8;
 
 /// Returns the pixels of an image that belong to a group, as an image of one row. Squares belong to
 /// the groups in turn, so that each group has pixels from all over the image.
 fn group(image: &Image, group: usize) -> Image {
-    let columns = image.width.div_ceil(SQUARE);
-    let mut data = Vec::new();
-    for y in 0..image.height {
-        for x in 0..image.width {
-            let square = y / SQUARE * columns + x / SQUARE;
-            // An odd step, so that groups are no columns where a row has a multiple of their number.
-            let of = (square + y / SQUARE * 5) as usize % GROUPS;
-            if of == group {
-                data.push(image.data[(y * image.width + x) as usize]);
-            }
-        }
-    }
+    let share = image.data.len() / (2 * GROUPS);
+    let side = (share.isqrt() as u32).clamp(1, SQUARE);
+    let columns = image.width.div_ceil(side);
+    let is_inside = |x: u32, y: u32| {
+        let square = y / side * columns + x / side;
+        // A step from row to row, so that groups are no columns where a row has as many squares.
+        (square + y / side * 5) as usize % GROUPS == group
+    };
+    let pixels = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y)));
+    let inside = pixels.filter(|(x, y)| is_inside(*x, *y));
+    let data: Vec<[f32; 3]> = inside.map(|(x, y)| image.at(x, y)).collect();
     Image {
         width: data.len() as u32,
         height: 1,
@@ -180,11 +181,14 @@ impl MetricSpec {
                     let part: Result<f64, MetricError> = value(&over, &under, &reference);
                     part.map(|value| if is_root { value * value } else { value })
                 });
-                // A metric of which single pixels have no value has no groups either.
+                // Neither has a metric of which single pixels have no value, nor an image of fewer
+                // pixels than there are groups.
                 let Ok(parts) = parts.collect::<Result<Vec<f64>, _>>() else {
                     return Ok(Some(floor));
                 };
-                let error = standard_error(&parts);
+                // The noise of the reference is one draw of what its halves tell the variance of,
+                // so it differs from the estimate by as much again.
+                let error = SQRT_2 * standard_error(&parts);
                 let error = if is_root && floor.value > 0.0 {
                     error / (2.0 * floor.value)
                 } else {
@@ -244,7 +248,7 @@ impl MetricSpec {
             Noise::AddsSquared => value * value <= 2.0 * floor * floor,
             Noise::Decibels => value >= floor - 10.0 * 2f64.log10(),
             Noise::Similarity => 1.0 - value <= 2.0 * (1.0 - floor),
-            Noise::Bounds => value <= std::f64::consts::SQRT_2 * floor,
+            Noise::Bounds => value <= SQRT_2 * floor,
             Noise::Silent => false,
         }
     }
@@ -408,6 +412,40 @@ mod tests {
         );
         let ssim = MetricSpec::new("ssim", "ssim", BTreeMap::new()).unwrap();
         assert_eq!(ssim.net(0.5, 0.9), None);
+    }
+
+    #[test]
+    fn the_error_of_a_floor_is_how_far_it_is_from_what_the_noise_adds() {
+        let truth = truth();
+        for name in ["mse", "rmse"] {
+            let spec = MetricSpec::new(name, name, BTreeMap::new()).unwrap();
+            // Of 200 references about 95 % add what lies within the interval; 4 standard deviations
+            // are 6 %.
+            let within = (0..200).filter(|seed| {
+                let (r, halves) = reference(100 + seed, 0.03, [8, 8]);
+                let halves = Halves {
+                    means: [&halves[0], &halves[1]],
+                    samples: [8, 8],
+                };
+                let [low, high] = spec.floor(&r, halves).unwrap().unwrap().ends();
+                (low..=high).contains(&spec.eval(&truth, &r).unwrap())
+            });
+            let within = within.count();
+            assert!((178..=199).contains(&within), "{name}: {within} of 200");
+        }
+    }
+
+    #[test]
+    fn only_metrics_that_divide_by_a_noisy_reference_need_more_samples() {
+        let needed = |name: &str, floor| {
+            let spec = MetricSpec::new(name, name, BTreeMap::new()).unwrap();
+            spec.samples_for_ratios(floor, 64)
+        };
+        assert_eq!(
+            (needed("relmse", 0.009), needed("relmse", 0.04)),
+            (None, Some(256))
+        );
+        assert_eq!((needed("mse", 0.04), needed("rmse", 0.2)), (None, None));
     }
 
     #[test]

@@ -185,8 +185,8 @@ const HOST: &[(&str, &str)] = &[
         "its twin is part of disney.glsl",
     ),
     (
-        "crates/lumbre-light/src/transport/bsdf/interface_outgoing.rs",
-        "its twin is part of bsdf/interface.glsl",
+        "crates/lumbre-light/src/transport/bsdf/local.rs",
+        "shaders choose a model by a constant, without a trait",
     ),
     (
         "crates/lumbre-light/src/transport/bsdf/material.rs",
@@ -195,6 +195,14 @@ const HOST: &[(&str, &str)] = &[
     (
         "crates/lumbre-light/src/transport/bsdf/model.rs",
         "its twin is part of bsdf/mod.glsl",
+    ),
+    (
+        "crates/lumbre-light/src/transport/bsdf/numbers.rs",
+        "GLSL invocations replace SIMD lanes",
+    ),
+    (
+        "crates/lumbre-light/src/transport/bsdf/outgoing.rs",
+        "its twins are parts of disney.glsl and bsdf/interface.glsl",
     ),
     (
         "crates/lumbre-light/src/transport/bsdf/packed.rs",

@@ -79,6 +79,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Interface<R> for Conductor<V> {
         }
     }
 
+    #[inline(always)]
     fn body_numbers(&self) -> Vec<R> {
         [self.tint, self.eta, self.k]
             .map(Numbers::<R>::of_vector)

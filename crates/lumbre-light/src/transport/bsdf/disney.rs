@@ -460,6 +460,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> LocalBsdf<R> for Disney<V> {
         Disney::with_weights(class, m, p.base_color, p.roughness, p.mix())
     }
 
+    #[inline(always)]
     fn packed(&self) -> Packed<R> {
         let LobeEstimate {
             diffuse,

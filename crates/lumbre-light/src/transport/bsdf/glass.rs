@@ -158,6 +158,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Interface<R> for Glass<V> {
         }
     }
 
+    #[inline(always)]
     fn body_numbers(&self) -> Vec<R> {
         let [specular, base_color] = [self.specular, self.base_color].map(Numbers::<R>::of_vector);
         [&specular[..], &[self.ior], &base_color].concat()

@@ -101,6 +101,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> LocalBsdf<R> for Ideal<V> {
         }
     }
 
+    #[inline(always)]
     fn packed(&self) -> Packed<R> {
         let color = Numbers::<R>::of_vector(self.base_color);
         let [a, b, c] = self.mix.map(|weight| weight.gt(R::splat(0.0)).any());

@@ -100,6 +100,7 @@ impl<R: Real, K: Interface<R>> LocalBsdf<R> for OneInterface<K> {
         OneInterface(K::with_facets(class, m, p.base_color, facets))
     }
 
+    #[inline(always)]
     fn packed(&self) -> Packed<R> {
         let facets = self.0.facets();
         let [x, y] = facets.alpha;

@@ -1,4 +1,4 @@
-//! What the file of a BSDF implements: the BSDF of a surface in its local frame.
+//! The BSDF of a surface in its local frame, which the file of each model implements.
 
 use super::lobe::{MixtureSample, TransportMode};
 use super::material::{BsdfClass, MaterialConstants};
@@ -69,11 +69,11 @@ pub(super) trait LocalBsdf<R: Real>: Copy {
 /// Traits of the lobes of a BSDF, scalar or vectorised.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Traits<R: Real> {
-    /// Where any lobe has a density.
+    /// Lanes in which any lobe has a density.
     pub has_density: R::Mask,
-    /// Where any lobe is a Dirac lobe.
+    /// Lanes in which any lobe is a Dirac lobe.
     pub has_dirac_lobe: R::Mask,
-    /// Where any lobe transmits light.
+    /// Lanes in which any lobe transmits light.
     pub transmits: R::Mask,
     /// Index of the inside relative to the outside; 1 if light does not enter.
     pub index_inside: R,

@@ -25,6 +25,7 @@ pub(super) struct Packed<R> {
 
 impl<R: Real> Numbers<R> {
     /// Returns the numbers of the groups one after another, followed by zeros.
+    #[inline(always)]
     pub fn of(groups: &[&[R]]) -> Numbers<R> {
         let mut numbers = [R::splat(0.0); NUMBERS];
         for (to, from) in numbers.iter_mut().zip(groups.iter().copied().flatten()) {
@@ -34,6 +35,7 @@ impl<R: Real> Numbers<R> {
     }
 
     /// Returns the components of a vector.
+    #[inline(always)]
     pub fn of_vector(v: R::Vec3) -> [R; 3] {
         [v.x(), v.y(), v.z()]
     }

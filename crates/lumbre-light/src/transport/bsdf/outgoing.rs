@@ -1,4 +1,4 @@
-//! What BSDFs derive from the direction to the previous vertex alone.
+//! The direction to the previous vertex, with everything that BSDFs derive from it alone.
 
 use glam::Vec3;
 

@@ -82,6 +82,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Interface<R> for Plastic<V> {
         Plastic::new(base_color, m.specular, m.ior, internal, facets)
     }
 
+    #[inline(always)]
     fn body_numbers(&self) -> Vec<R> {
         let [specular, diffuse, body] =
             [self.specular, self.diffuse, self.body].map(Numbers::<R>::of_vector);

@@ -105,6 +105,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> LocalBsdf<R> for Translucent<V> {
         Translucent::new(p.base_color, p.transmittance())
     }
 
+    #[inline(always)]
     fn packed(&self) -> Packed<R> {
         let [r, t] = [self.reflectance, self.transmittance].map(Numbers::<R>::of_vector);
         Packed {

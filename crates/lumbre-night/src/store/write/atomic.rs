@@ -27,17 +27,25 @@ const ABANDONED: Duration = Duration::from_secs(3600);
 /// When the folder cannot be created or the file cannot be written; an existing file is then
 /// unchanged.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
-    let folder = folder_of(path);
-    let mut file = temporary_in_new(folder)?;
+    write_before_others(path, bytes)?;
+    sync_folder(folder_of(path)).map_err(|e| StoreError::io("write", path, &e))
+}
+
+/// Writes as [`write_atomically`], but for the sync of the folder: until another file there is
+/// written, a power failure may leave the old state.
+///
+/// # Errors
+/// As [`write_atomically`].
+pub(super) fn write_before_others(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+    let mut file = temporary_in_new(folder_of(path))?;
     let mut attempt = || -> std::io::Result<()> {
         file.write_all(bytes)?;
         file.as_file().sync_all()
     };
-    let written = attempt().and_then(|()| {
-        file.persist(path).map_err(|e| e.error)?;
-        sync_folder(folder)
-    });
-    written.map_err(|e| StoreError::io("write", path, &e))
+    let written = attempt().and_then(|()| file.persist(path).map_err(|e| e.error));
+    written
+        .map(drop)
+        .map_err(|e| StoreError::io("write", path, &e))
 }
 
 /// Creates a folder, and a temporary file in it. Another process may remove the folder while it is

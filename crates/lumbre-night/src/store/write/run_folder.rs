@@ -156,12 +156,12 @@ impl RunWriter {
         self.write(metrics_csv::FILE, text.as_bytes())
     }
 
-    /// Writes a file of the run atomically.
+    /// Writes a file of the run atomically. It survives a power failure once the run is finished.
     ///
     /// # Errors
     /// When it cannot be written; an existing file is then unchanged.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
-        atomic::write_atomically(&self.folder.join(name), bytes)
+        atomic::write_before_others(&self.folder.join(name), bytes)
     }
 
     /// Opens `log.txt` for appending.
@@ -188,7 +188,12 @@ impl RunWriter {
         }
         let manifest = manifest_checksum::add_checksums(&self.folder, done)
             .map_err(|e| StoreError::io("compute checksums of", &self.folder, &e))?;
-        self.write(self.marker, manifest.text().as_bytes())?;
+        let films = self.folder.join(FILMS);
+        if films.is_dir() {
+            atomic::sync_folder(&films).map_err(|e| StoreError::io("write", &films, &e))?;
+        }
+        let marker = self.folder.join(self.marker);
+        atomic::write_atomically(&marker, manifest.text().as_bytes())?;
         checkpoint::remove(&self.folder);
         failure::remove(&self.folder);
         // A process that was killed while it tried to claim the run left one.
