@@ -381,12 +381,12 @@ impl Rates {
             ""
         };
         format!(
-            "| {}{drift} | {} | {} | {} | {} | {} | {} | {found} | {} | {:.2} |",
+            "| {}{drift} | {} | {} | {} | {:.0} % | {} | {} | {found} | {} | {:.2} |",
             setup.noise,
             setup.arms,
             setup.repeats,
             setup.ratio,
-            format!("{:.0} %", 100.0 * setup.floor),
+            100.0 * setup.floor,
             percent(self.coverage),
             percent(self.false_claims),
             percent(self.refused),

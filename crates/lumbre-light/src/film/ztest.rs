@@ -4,8 +4,10 @@
 //! bright. Sums over square blocks are nearly normal once enough samples are expected to have found
 //! light, so blocks are compared, and blocks too dark for a test of their own are pooled into one.
 //!
-//! A sum whose noise is mostly that of a few pixels, such as those in which a lamp behind glass was
-//! met, is not normal however bright it is: see [`MIN_NOISY_PIXELS`]. Its block is pooled as well.
+//! Where few pixels have most of the noise of an image, such as those in which a lamp behind glass
+//! was met, a block without them seems to have little noise, but only has not met them: no block is
+//! taken to have less noise than its share ([`EVEN_NOISE`]). A sum over the whole image is tested
+//! only if enough pixels share its noise ([`MIN_NOISY_PIXELS`]).
 //!
 //! The remaining skew is removed by comparing square roots. An image that found less light than it
 //! should have also underestimates its variance, because both come from the same samples, and
@@ -63,13 +65,18 @@ struct Sums {
     variance: [f64; 2],
     /// Number of pixels.
     pixels: usize,
-    /// Sum of the squared variances of the pixels.
-    squared_variance: f64,
+    /// Sums of the squared variances of the pixels of `first` and of `second`.
+    squared_variance: [f64; 2],
 }
 
-/// Effective number of pixels that share the noise of a sum from which it is taken to be normally
-/// distributed: the squared sum of their variances over the sum of the squares. If all have the same
-/// noise, this is the number of pixels. Of sums over few pixels a quarter must share the noise.
+/// Effective share of the pixels that have the noise of an image, from which it is taken to be
+/// even: the squared sum of their variances over the sum of the squares and over their number. In
+/// simulations of techniques of which one has rare bright paths and the other none, 17 to 100 of 100
+/// pairs are called different at 1 % without this rule, and 0 to 4 with it.
+const EVEN_NOISE: f64 = 0.3;
+
+/// Effective number of pixels from which a sum over an image is taken to be normally distributed. Of
+/// small images a quarter must share the noise.
 const MIN_NOISY_PIXELS: f64 = 20.0;
 
 /// Relative difference that single-precision rounding explains in images without noise.
@@ -81,14 +88,34 @@ impl Sums {
         self.second += other.second;
         self.variance = [0, 1].map(|i| self.variance[i] + other.variance[i]);
         self.pixels += other.pixels;
-        self.squared_variance += other.squared_variance;
+        for (sum, more) in self.squared_variance.iter_mut().zip(other.squared_variance) {
+            *sum += more;
+        }
+    }
+
+    /// Returns the effective number of pixels that share the noise of each image; NaN without noise.
+    fn noisy_pixels(&self) -> [f64; 2] {
+        [0, 1].map(|i| self.variance[i] * self.variance[i] / self.squared_variance[i])
     }
 
     /// Returns whether enough pixels share the noise for a test that assumes a normal distribution.
     fn is_shared(&self) -> bool {
-        let total = self.variance[0] + self.variance[1];
         let least = MIN_NOISY_PIXELS.min(0.25 * self.pixels as f64);
-        total * total >= least * self.squared_variance
+        let [i, j] = self.variance;
+        let noisy = self.noisy_pixels()[usize::from(i <= j)];
+        noisy.is_nan() || noisy >= least
+    }
+
+    /// Raises the variances to the share of these pixels in those of the whole image, where few of
+    /// its pixels have most of the noise.
+    fn raise_variance(&mut self, whole: &Sums) {
+        let noisy = whole.noisy_pixels();
+        for i in [0, 1] {
+            if noisy[i] < EVEN_NOISE * whole.pixels as f64 {
+                let share = self.pixels as f64 / whole.pixels as f64;
+                self.variance[i] = self.variance[i].max(share * whole.variance[i]);
+            }
+        }
     }
 
     fn z(&self) -> f64 {
@@ -122,10 +149,9 @@ pub struct Judged {
 /// All comparisons of two estimates, by block and for the whole image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Blocks {
-    /// Blocks that can be tested, row by row, then the pooled others.
+    /// Blocks that are bright enough, row by row, then the pooled dark blocks.
     pub judged: Vec<Judged>,
-    /// Blocks one by one that are too dark, or in which a few pixels have most of the noise. They
-    /// show where light is, but are not significant on their own.
+    /// Dark blocks one by one. They show where light is, but are not significant on their own.
     pub dark: Vec<Judged>,
     /// Deviates of the differences of the channel sums over the whole image; 0 where a few pixels
     /// have most of the noise.
@@ -135,8 +161,8 @@ pub struct Blocks {
 }
 
 /// Compares two estimates of equal size by blocks of `block` pixels a side. Blocks whose sum in the
-/// second image is below `bright_enough`, or in which a few pixels have most of the noise, are
-/// pooled. If that holds of the pool, too, it is not tested.
+/// second image is below `bright_enough` are pooled. If the pool is below it in both images, it is
+/// not tested.
 ///
 /// Blocks at the right and lower edge hold the remaining pixels.
 ///
@@ -188,10 +214,10 @@ pub fn blocks(first: Estimate, second: Estimate, block: u32, bright_enough: f64)
             p: normal_two_sided_p(z),
         }
     };
-    let mut dark = [Sums::default(); 3];
     let mut whole = [Sums::default(); 3];
+    let mut blocks = Vec::new();
     for (bx, by) in (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y))) {
-        for (c, (dark, whole)) in dark.iter_mut().zip(&mut whole).enumerate() {
+        for (c, whole) in whole.iter_mut().enumerate() {
             let mut sums = Sums::default();
             let inside = |(x, y): &(u32, u32)| *x < width && *y < height;
             for (x, y) in (0..block * block)
@@ -204,22 +230,27 @@ pub fn blocks(first: Estimate, second: Estimate, block: u32, bright_enough: f64)
                     second: f64::from(second.mean.at(x, y)[c]),
                     variance,
                     pixels: 1,
-                    squared_variance: (variance[0] + variance[1]).powi(2),
+                    squared_variance: variance.map(|v| v * v),
                 });
             }
             whole.add(sums);
-            if sums.second >= bright_enough && sums.is_shared() {
-                judged.push(judge(&sums, c, Some([bx * block, by * block])));
-            } else {
-                dark_blocks.push(judge(&sums, c, Some([bx * block, by * block])));
-                dark.add(sums);
-            }
+            blocks.push(([bx * block, by * block], c, sums));
+        }
+    }
+    let mut dark = [Sums::default(); 3];
+    for (at, c, mut sums) in blocks {
+        sums.raise_variance(&whole[c]);
+        if sums.second >= bright_enough {
+            judged.push(judge(&sums, c, Some(at)));
+        } else {
+            dark_blocks.push(judge(&sums, c, Some(at)));
+            dark[c].add(sums);
         }
     }
     for (c, sums) in dark
         .iter()
         .enumerate()
-        .filter(|(_, sums)| sums.first.max(sums.second) >= bright_enough && sums.is_shared())
+        .filter(|(_, sums)| sums.first.max(sums.second) >= bright_enough)
     {
         judged.push(judge(sums, c, None));
     }
@@ -352,36 +383,52 @@ mod tests {
         assert!(alarms <= 12, "{alarms} of 300");
     }
 
+    /// A picture of 64 samples a pixel: one of `rarity` is `brightness` times as bright as the others.
+    fn rare(seed: u32, rarity: f32, brightness: f64) -> (Image, Image) {
+        let mut variance = Image::new(80, 60);
+        let mean = Image::from_fn(80, 60, |x, y| {
+            [0, 1, 2].map(|c| {
+                let sample = |i: u32| {
+                    let w = pcg4d([x, y, 64 * c + i, seed]);
+                    let is_bright = unit(w[0]) < 1.0 / rarity;
+                    f64::from(unit(w[1])) * if is_bright { brightness } else { 1.0 }
+                };
+                let samples: Vec<f64> = (0..64).map(sample).collect();
+                let mean = samples.iter().sum::<f64>() / 64.0;
+                let squares: f64 = samples.iter().map(|s| (s - mean).powi(2)).sum();
+                let of_mean = squares / 63.0 / 64.0;
+                variance.data[(80 * y + x) as usize][c as usize] = of_mean as f32;
+                mean as f32
+            })
+        });
+        (mean, variance)
+    }
+
     #[test]
-    fn rare_bright_paths_are_no_difference() {
-        // One sample of 64 in one pixel of two thousand is a thousand times as bright as the others:
-        // of 300 pairs of pictures with equal truth, about 3 may be called different at 1 %.
-        let picture = |seed: u32| {
-            let mut variance = Image::new(80, 60);
-            let mean = Image::from_fn(80, 60, |x, y| {
-                [0, 1, 2].map(|c| {
-                    let sample = |i: u32| {
-                        let w = pcg4d([x, y, 64 * c + i, seed]);
-                        let is_bright = unit(w[0]) < 1.0 / (64.0 * 2000.0);
-                        f64::from(unit(w[1])) * if is_bright { 1000.0 } else { 1.0 }
-                    };
-                    let samples: Vec<f64> = (0..64).map(sample).collect();
-                    let mean = samples.iter().sum::<f64>() / 64.0;
-                    let squares: f64 = samples.iter().map(|s| (s - mean).powi(2)).sum();
-                    variance.data[(80 * y + x) as usize][c as usize] =
-                        (squares / 63.0 / 64.0) as f32;
-                    mean as f32
-                })
-            });
+    fn a_technique_that_met_few_bright_paths_does_not_differ_from_one_without() {
+        // Both have the mean 0.5 (1 + 299 / 12800). Of 100 pairs at 1 %, 1 may be called different;
+        // without the rule of even noise it is nine of ten.
+        let smooth = |seed: u32| {
+            let (mut mean, mut variance) = rare(seed, f32::INFINITY, 1.0);
+            let scale = 1.0 + 299.0 / 12800.0;
+            mean.data
+                .as_flattened_mut()
+                .iter_mut()
+                .for_each(|x| *x *= scale);
+            variance
+                .data
+                .as_flattened_mut()
+                .iter_mut()
+                .for_each(|x| *x *= scale * scale);
             (mean, variance)
         };
-        let alarms = (0..300).filter(|seed| {
-            let [a, b] = [picture(2 * seed), picture(2 * seed + 1)];
+        let alarms = (0..100).filter(|seed| {
+            let [a, b] = [rare(2 * seed, 12800.0, 300.0), smooth(2 * seed + 1)];
             let [a, b] = [&a, &b].map(|(mean, variance)| Estimate { mean, variance });
             !compare(a, b, 10, 1.0).agrees(0.01, 1)
         });
         let alarms = alarms.count();
-        assert!(alarms <= 8, "{alarms} of 300");
+        assert!(alarms <= 5, "{alarms} of 100");
     }
 
     #[test]
