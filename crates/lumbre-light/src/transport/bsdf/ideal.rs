@@ -148,11 +148,11 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> LocalBsdf<R> for Ideal<V> {
 
     #[inline(always)]
     fn traits(&self) -> Traits<R> {
-        let [diffuse, metal, glass] = self.mix.map(|weight| weight.gt(R::splat(0.0)));
+        let (zero, [diffuse, metal, glass]) = (R::splat(0.0), self.mix);
         Traits {
-            has_density: diffuse,
-            has_dirac_lobe: metal | glass,
-            transmits: glass,
+            has_density: diffuse.gt(zero),
+            has_dirac_lobe: metal.gt(zero) | glass.gt(zero),
+            transmits: glass.gt(zero),
             index_inside: self.ior,
             front_only: false,
         }
