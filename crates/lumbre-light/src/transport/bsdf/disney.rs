@@ -571,8 +571,9 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> LocalBsdf<R> for Disney<V> {
         u: R,
         v: [R; 2],
         mode: TransportMode,
-    ) -> (R::Mask, MixtureSample<V>, R) {
-        Disney::sample::<REVERSE>(self, &out.disney, u, v, mode)
+    ) -> (R::Mask, MixtureSample<V>, Option<R>) {
+        let (some, s, reverse) = Disney::sample::<REVERSE>(self, &out.disney, u, v, mode);
+        (some, s, Some(reverse))
     }
 
     #[inline(always)]

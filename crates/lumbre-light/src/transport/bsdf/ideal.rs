@@ -135,15 +135,9 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> LocalBsdf<R> for Ideal<V> {
         u: R,
         v: [R; 2],
         mode: TransportMode,
-    ) -> (R::Mask, MixtureSample<V>, R) {
+    ) -> (R::Mask, MixtureSample<V>, Option<R>) {
         let (some, s) = Ideal::sample(self, out.local, u, v, mode);
-        let zero = R::splat(0.0);
-        let reverse = if REVERSE && (!s.delta).any() {
-            R::select(s.delta, zero, self.pdf_w(s.sample.wi, out.local))
-        } else {
-            zero
-        };
-        (some, s, reverse)
+        (some, s, None)
     }
 
     #[inline(always)]

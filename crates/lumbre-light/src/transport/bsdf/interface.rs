@@ -7,8 +7,7 @@
 
 use super::facets::Facets;
 use super::ggx::Ggx;
-use super::lobe::flipped;
-use super::lobe::{MixtureSample, TransportMode};
+use super::lobe::{MixtureSample, TransportMode, flipped};
 use super::local::{LocalBsdf, Traits};
 use super::material::{BsdfClass, MaterialConstants};
 use super::numbers::{Numbers, Packed, PackedClass};
@@ -152,18 +151,11 @@ impl<R: Real, K: Interface<R>> LocalBsdf<R> for OneInterface<K> {
         u: R,
         v: [R; 2],
         mode: TransportMode,
-    ) -> (R::Mask, MixtureSample<R::Vec3>, R) {
-        let (out, zero) = (&out.interface, R::splat(0.0));
+    ) -> (R::Mask, MixtureSample<R::Vec3>, Option<R>) {
+        let out = &out.interface;
         let (some, mut s, reverse) = self.0.sample(out, u, v, mode);
         s.sample.wi = R::Vec3::select(out.below, flipped(s.sample.wi), s.sample.wi);
-        let reverse = match reverse {
-            Some(reverse) => reverse,
-            None if REVERSE && (!s.delta).any() => {
-                R::select(s.delta, zero, pdf_w(&self.0, s.sample.wi, out.wo()))
-            }
-            None => zero,
-        };
-        (some & out.o.z().gt(zero), s, reverse)
+        (some & out.o.z().gt(R::splat(0.0)), s, reverse)
     }
 
     #[inline(always)]
@@ -215,25 +207,4 @@ fn evaluate<R: Real, K: Interface<R>, const REVERSE: bool>(
 ) -> (R::Vec3, [R; 2]) {
     let i = R::Vec3::select(out.below, flipped(wi), wi);
     interface.evaluate::<REVERSE>(out, wi, i, mode)
-}
-
-impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> InterfaceOutgoing<V> {
-    /// Returns a placeholder for surfaces of another model.
-    #[inline(always)]
-    pub fn none() -> InterfaceOutgoing<V> {
-        let zero = R::splat(0.0);
-        InterfaceOutgoing {
-            o: V::splat(zero),
-            below: R::Mask::splat(false),
-            eta: zero,
-            masking: zero,
-            plastic: PlasticSide::none(),
-        }
-    }
-
-    /// Returns `wo` in the local frame.
-    #[inline(always)]
-    pub(super) fn wo(&self) -> V {
-        V::select(self.below, flipped(self.o), self.o)
-    }
 }

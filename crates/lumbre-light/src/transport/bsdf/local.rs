@@ -52,15 +52,15 @@ pub(super) trait LocalBsdf<R: Real>: Copy {
     }
 
     /// Samples a direction in the local frame: `u` selects the lobe, `v` the direction within it.
-    /// The mask is set where there is one. With `REVERSE` also returns the density of `out.wo`
-    /// given the direction, zero for Dirac lobes; else an undefined number.
+    /// The mask is set where there is one. With `REVERSE`, also returns the density of `out.wo`
+    /// given the direction, zero for Dirac lobes, if that comes for free.
     fn sample<const REVERSE: bool>(
         &self,
         out: &Outgoing<R>,
         u: R,
         v: [R; 2],
         mode: TransportMode,
-    ) -> (R::Mask, MixtureSample<R::Vec3>, R);
+    ) -> (R::Mask, MixtureSample<R::Vec3>, Option<R>);
 
     /// Returns what is true of its lobes.
     fn traits(&self) -> Traits<R>;

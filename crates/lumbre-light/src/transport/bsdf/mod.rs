@@ -273,6 +273,14 @@ impl<R: Real> Bsdf<R> {
     ) -> (R::Mask, BsdfSample<R>, R) {
         let zero = R::splat(0.0);
         let (some, local, reverse) = self.model.sample::<REVERSE>(out, u, v, mode);
+        let reverse = match reverse {
+            Some(reverse) => reverse,
+            None if REVERSE && (!local.delta).any() => {
+                let (_, reverse) = self.model.value(local.sample.wi, out.local, mode);
+                R::select(local.delta, zero, reverse)
+            }
+            None => zero,
+        };
         let MixtureSample {
             sample,
             pdf_w,

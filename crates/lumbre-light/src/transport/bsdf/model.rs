@@ -84,7 +84,7 @@ macro_rules! bsdfs {
                 u: R,
                 v: [R; 2],
                 mode: TransportMode,
-            ) -> (R::Mask, MixtureSample<V>, R) {
+            ) -> (R::Mask, MixtureSample<V>, Option<R>) {
                 match self {
                     $(BsdfModel::$Model(k) => LocalBsdf::sample::<REVERSE>(k, out, u, v, mode),)+
                 }

@@ -104,6 +104,27 @@ pub struct InterfaceOutgoing<V: Vector = Vec3> {
     pub(super) plastic: PlasticSide<V::Scalar>,
 }
 
+impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> InterfaceOutgoing<V> {
+    /// Returns a placeholder for surfaces of another model.
+    #[inline(always)]
+    pub fn none() -> InterfaceOutgoing<V> {
+        let zero = R::splat(0.0);
+        InterfaceOutgoing {
+            o: V::splat(zero),
+            below: R::Mask::splat(false),
+            eta: zero,
+            masking: zero,
+            plastic: PlasticSide::none(),
+        }
+    }
+
+    /// Returns `wo` in the local frame.
+    #[inline(always)]
+    pub fn wo(&self) -> V {
+        V::select(self.below, flipped(self.o), self.o)
+    }
+}
+
 /// Quantities of plastic that depend on one direction alone.
 #[derive(Clone, Copy, Debug)]
 pub struct PlasticSide<R = f32> {

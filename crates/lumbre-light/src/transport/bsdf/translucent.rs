@@ -137,14 +137,9 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> LocalBsdf<R> for Translucent<V> {
         u: R,
         v: [R; 2],
         _: TransportMode,
-    ) -> (R::Mask, MixtureSample<V>, R) {
+    ) -> (R::Mask, MixtureSample<V>, Option<R>) {
         let (some, s) = Translucent::sample(self, out.local, u, v);
-        let reverse = if REVERSE {
-            self.pdf_w(s.sample.wi, out.local)
-        } else {
-            R::splat(0.0)
-        };
-        (some, s, reverse)
+        (some, s, None)
     }
 
     #[inline(always)]

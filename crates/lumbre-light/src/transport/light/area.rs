@@ -59,15 +59,20 @@ impl LightSource for Emitter {
         };
         LightFacts {
             rows: light_rows(first, start, m.emission, end),
-            power: power(scene, self, sphere.is_some(), &context.brightness),
+            power: power(scene, self, m, sphere.is_some(), &context.brightness),
             bounds: Some(bounds),
         }
     }
 }
 
 /// Estimates the luminance of the power that an emitter emits on its front.
-fn power(scene: &CompiledScene, emitter: &Emitter, is_sphere: bool, brightness: &[f64]) -> f64 {
-    let m = material(scene, emitter);
+fn power(
+    scene: &CompiledScene,
+    emitter: &Emitter,
+    m: &Material,
+    is_sphere: bool,
+    brightness: &[f64],
+) -> f64 {
     let plain = std::f64::consts::PI * f64::from(emitter.area) * luminance_of(m.emission);
     if m.emission_texture == NONE {
         return plain;

@@ -10,7 +10,7 @@ use super::{LightId, LightTree, Lights};
 use crate::math::distribution::AliasTable;
 use crate::math::luminance::luminance_of;
 use crate::scene::CompiledScene;
-use crate::scene::compile::Texture;
+use crate::scene::compile::{Emitter, Texture};
 use crate::value::Value;
 use crate::value::schema::{Field, Ty};
 
@@ -98,7 +98,9 @@ impl Lights {
         };
         let facts = ids.iter().filter_map(|id| id.facts(scene, &context));
         let facts: Vec<LightFacts> = facts.collect();
-        let weights = weights(scene, select, &ids, &facts);
+        let area = |e: &Emitter| f64::from(e.area);
+        let total_area = scene.emitters.iter().map(area).sum();
+        let weights = weights(scene, total_area, select, &ids, &facts);
         let tree = match select {
             LightSelection::Tree => {
                 LightTree::new(facts.iter().map(|light| light.bounds), &weights)
@@ -112,7 +114,7 @@ impl Lights {
             first,
             environment_light,
             ball,
-            total_area: scene.emitters.iter().map(|e| f64::from(e.area)).sum(),
+            total_area,
         }
     }
 }
@@ -121,17 +123,12 @@ impl Lights {
 /// a positive weight.
 fn weights(
     scene: &CompiledScene,
+    total_area: f64,
     select: LightSelection,
     ids: &[LightId],
     facts: &[LightFacts],
 ) -> Vec<f64> {
-    let emitters = scene.emitters.len().max(1) as f64;
-    let mean_area = scene
-        .emitters
-        .iter()
-        .map(|e| f64::from(e.area))
-        .sum::<f64>()
-        / emitters;
+    let mean_area = total_area / scene.emitters.len().max(1) as f64;
     let without_area = if mean_area > 0.0 { mean_area } else { 1.0 };
     let area = |i: u32| f64::from(scene.emitters[i as usize].area);
     let weight = |(id, light): (&LightId, &LightFacts)| match select {
