@@ -11,7 +11,7 @@
 mod meter;
 #[path = "../../xtask/src/torture/mutation.rs"]
 mod mutation;
-#[path = "../../xtask/src/torture/random.rs"]
+#[path = "../../xtask/src/random.rs"]
 mod random;
 #[path = "../../tests/library/scenes/samples.rs"]
 pub mod samples;

@@ -9,10 +9,13 @@
 use std::fmt;
 
 use lumbre_light::film::Image;
+use lumbre_light::math::stats::median;
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::floor::Halves;
 use lumbre_report::comparison::{Comparison, LEVEL, Score, ScoreScale};
 use rayon::prelude::*;
+
+use crate::random::Random;
 
 /// Side of a picture in pixels.
 const SIDE: u32 = 32;
@@ -147,14 +150,14 @@ impl fmt::Display for Noise {
 impl Noise {
     fn draw(self, random: &mut Random) -> f64 {
         let pareto = |random: &mut Random, index: f64| {
-            let sign = if random.unit() < 0.5 { -1.0 } else { 1.0 };
-            sign * (random.unit().powf(-1.0 / index) - 1.0)
+            let sign = if unit(random) < 0.5 { -1.0 } else { 1.0 };
+            sign * (unit(random).powf(-1.0 / index) - 1.0)
         };
         match self {
-            Noise::Gauss => random.normal(),
+            Noise::Gauss => normal(random),
             Noise::Fireflies => {
-                let bright = random.unit() < 1.0 / 2000.0;
-                random.normal() * if bright { 1000f64.sqrt() } else { 1.0 }
+                let bright = unit(random) < 1.0 / 2000.0;
+                normal(random) * if bright { 1000f64.sqrt() } else { 1.0 }
             }
             Noise::Pareto25 => pareto(random, 2.5),
             Noise::Pareto15 => pareto(random, 1.5),
@@ -178,27 +181,16 @@ impl Noise {
     }
 }
 
-/// Pseudo-random numbers: SplitMix64 [Steele 2014].
-struct Random(u64);
+/// Returns a number in (0, 1].
+fn unit(random: &mut Random) -> f64 {
+    const STEPS: usize = 1 << 53;
+    (random.below(STEPS) + 1) as f64 / STEPS as f64
+}
 
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let x = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        x ^ (x >> 31)
-    }
-
-    /// Returns a number in (0, 1].
-    fn unit(&mut self) -> f64 {
-        ((self.next() >> 11) + 1) as f64 / (1u64 << 53) as f64
-    }
-
-    /// Returns a standard normal number [Box and Muller 1958].
-    fn normal(&mut self) -> f64 {
-        let radius = (-2.0 * self.unit().ln()).sqrt();
-        radius * (std::f64::consts::TAU * self.unit()).cos()
-    }
+/// Returns a standard normal number [Box and Muller 1958].
+fn normal(random: &mut Random) -> f64 {
+    let radius = (-2.0 * unit(random).ln()).sqrt();
+    radius * (std::f64::consts::TAU * unit(random)).cos()
 }
 
 /// What is true of the nights of one line.
@@ -251,22 +243,13 @@ impl Setup {
         let floor = floor.filter(|_| self.floor > 0.0);
         let mut arms = vec![Vec::new(); self.arms];
         for repeat in 0..self.repeats {
-            let speed = (self.drift * random.normal()).exp();
+            let speed = (self.drift * normal(random)).exp();
             for (arm, scores) in arms.iter_mut().enumerate() {
                 let scale = (self.truth(arm) / speed).sqrt();
                 let picture = self.noise.picture(random, scale, 1);
                 let error = metric.eval(&picture, &reference).unwrap_or(f64::NAN);
-                let score = |floor: f64| metric.net(error, floor).unwrap_or(error).ln();
-                scores.push(match floor {
-                    None => Score::new(repeat, error.ln()),
-                    Some(floor) => {
-                        let [low, high] = floor.ends();
-                        Score {
-                            repeat,
-                            at_noise: [floor.value, low, high].map(score),
-                        }
-                    }
-                });
+                let at_noise = metric.net_at_noise(error, floor).map(f64::ln);
+                scores.push(Score { repeat, at_noise });
             }
         }
         Comparison::new(&arms, ScoreScale::Logarithm).expect("several techniques have results")
@@ -285,13 +268,11 @@ fn metric() -> MetricSpec {
 fn median_errors(noise: Noise) -> [f64; 2] {
     let (metric, truth) = (metric(), Image::from_fn(SIDE, SIDE, |_, _| [TRUTH; 3]));
     [1, REFERENCE_SAMPLES].map(|samples| {
-        let error = |seed: u64| {
-            let picture = noise.picture(&mut Random(seed), 1.0, samples);
+        let error = |seed: u32| {
+            let picture = noise.picture(&mut Random::new([seed, samples, 0]), 1.0, samples);
             metric.eval(&picture, &truth).unwrap_or(f64::NAN)
         };
-        let mut errors: Vec<f64> = (0..400u64).into_par_iter().map(error).collect();
-        errors.sort_by(f64::total_cmp);
-        errors[errors.len() / 2]
+        median((0..400).into_par_iter().map(error).collect::<Vec<f64>>())
     })
 }
 
@@ -315,7 +296,7 @@ impl Rates {
     fn measure(setup: &Setup, nights: u32) -> Rates {
         let errors = median_errors(setup.noise);
         let night = |seed: u32| {
-            let mut random = Random(u64::from(seed) << 32 | 0x5eed);
+            let mut random = Random::new([seed, 0, 1]);
             setup.night(&mut random, errors)
         };
         let nights: Vec<Comparison> = (0..nights).into_par_iter().map(night).collect();
@@ -354,16 +335,13 @@ impl Rates {
         let widths = nights
             .iter()
             .flat_map(|night| night.contrasts.iter().flatten());
-        let mut widths: Vec<f64> = widths
-            .filter_map(|c| c.interval.map(|[low, high]| (high - low).exp()))
-            .collect();
-        widths.sort_by(f64::total_cmp);
+        let widths = widths.filter_map(|c| c.interval.map(|[low, high]| (high - low).exp()));
         Rates {
             coverage: share(judged.iter().filter(is_true).count(), judged.len()),
             false_claims: share(nights.iter().filter(is_false).count(), nights.len()),
             found: share(nights.iter().filter(is_found).count(), nights.len()),
             refused: share(nights.len() - judged.len(), nights.len()),
-            width: widths.get(widths.len() / 2).copied().unwrap_or(f64::NAN),
+            width: median(widths),
         }
     }
 

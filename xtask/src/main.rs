@@ -17,6 +17,7 @@ mod inlining;
 #[cfg(unix)]
 mod page;
 mod pages;
+mod random;
 mod release;
 mod shaders;
 mod spirv;

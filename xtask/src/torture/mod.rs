@@ -10,7 +10,6 @@ pub mod memory;
 mod mutation;
 mod night;
 mod program;
-mod random;
 mod scripts;
 mod worst_files;
 
@@ -18,9 +17,9 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
+use crate::random::Random;
 use mutation::Extent;
 use night::Site;
-use random::Random;
 
 use crate::{is_chosen, page};
 

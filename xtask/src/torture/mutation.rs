@@ -1,7 +1,7 @@
 //! Changes of valid files that leave most of their structure intact, so that they get past parsers.
 //! The fuzz targets use this file too.
 
-use super::random::Random;
+use crate::random::Random;
 
 /// Numbers that readers must expect.
 const NUMBERS: [&str; 22] = [
