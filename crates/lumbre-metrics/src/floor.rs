@@ -76,25 +76,25 @@ const GROUPS: usize = 32;
 /// makes alike. Small images have smaller squares, so that each group has two.
 const SQUARE: u32 = 8;
 
-/// Returns the pixels of an image that belong to a group, as an image of one row. Squares belong to
-/// the groups in turn, so that each group has pixels from all over the image.
-fn group(image: &Image, group: usize) -> Image {
+/// Returns the pixels of an image in groups, each as an image of one row. Squares belong to the groups
+/// in turn, so that each group has pixels from all over the image.
+fn groups(image: &Image) -> Vec<Image> {
     let share = image.data.len() / (2 * GROUPS);
     let side = (share.isqrt() as u32).clamp(1, SQUARE);
     let columns = image.width.div_ceil(side);
-    let is_inside = |x: u32, y: u32| {
+    let mut groups: Vec<Vec<[f32; 3]>> = vec![Vec::with_capacity(2 * share + 1); GROUPS];
+    let places = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y)));
+    for ((x, y), pixel) in places.zip(&image.data) {
         let square = y / side * columns + x / side;
         // A step from row to row, so that groups are no columns where a row has as many squares.
-        (square + y / side * 5) as usize % GROUPS == group
-    };
-    let pixels = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y)));
-    let inside = pixels.filter(|(x, y)| is_inside(*x, *y));
-    let data: Vec<[f32; 3]> = inside.map(|(x, y)| image.at(x, y)).collect();
-    Image {
+        groups[(square + y / side * 5) as usize % GROUPS].push(*pixel);
+    }
+    let row = |data: Vec<[f32; 3]>| Image {
         width: data.len() as u32,
         height: 1,
         data,
-    }
+    };
+    groups.into_iter().map(row).collect()
 }
 
 /// Two independent halves of a reference with their sample counts.
@@ -176,9 +176,10 @@ impl MetricSpec {
                     Noise::AddsSquared => true,
                     _ => return Ok(Some(floor)),
                 };
+                let [overs, unders, references] = [&over, &under, reference].map(groups);
                 let parts = (0..GROUPS).map(|i| {
-                    let [over, under, reference] = [&over, &under, reference].map(|x| group(x, i));
-                    let part: Result<f64, MetricError> = value(&over, &under, &reference);
+                    let part: Result<f64, MetricError> =
+                        value(&overs[i], &unders[i], &references[i]);
                     part.map(|value| if is_root { value * value } else { value })
                 });
                 // Neither has a metric of which single pixels have no value, nor an image of fewer
@@ -218,6 +219,21 @@ impl MetricSpec {
                 })
             }
             Noise::Similarity | Noise::Bounds | Noise::Silent => None,
+        }
+    }
+
+    /// Returns [`MetricSpec::net`] of a value with the floor as estimated, and at both ends of its
+    /// confidence interval; the value itself where nothing can be subtracted. The ends are NaN if
+    /// the reference is too noisy for ratios: see [`MetricSpec::samples_for_ratios`].
+    pub fn net_at_noise(&self, value: f64, floor: Option<Floor>) -> [f64; 3] {
+        let Some(floor) = floor else {
+            return [value; 3];
+        };
+        let [low, high] = floor.ends();
+        let net = [floor.value, low, high].map(|floor| self.net(value, floor).unwrap_or(value));
+        match self.samples_for_ratios(floor.value, 1) {
+            Some(_) => [net[0], f64::NAN, f64::NAN],
+            None => net,
         }
     }
 

@@ -59,6 +59,16 @@ pub struct Contrast {
 }
 
 impl Contrast {
+    /// Returns the ratio of the geometric means, of scores on a logarithmic scale.
+    pub fn ratio(&self) -> f64 {
+        self.difference.exp()
+    }
+
+    /// Returns the interval of [`Contrast::ratio`].
+    pub fn ratio_interval(&self) -> Option<[f64; 2]> {
+        self.interval.map(|ends| ends.map(f64::exp))
+    }
+
     /// Whether the best is significantly better, and the mean of the errors confirms it.
     pub fn is_significant(&self) -> bool {
         self.p < LEVEL && self.is_confirmed()
@@ -329,7 +339,7 @@ mod tests {
         let contrast = found.contrasts[1].unwrap();
         assert!(found.best == 0 && contrast.p < 0.001, "{contrast:?}");
         assert!(!contrast.is_confirmed() && !found.is_significant());
-        // Of roots the squares are averaged.
+        // The squares of roots are averaged.
         let roots = arms.map(|arm| {
             arm.iter()
                 .map(|s| Score::new(s.repeat, s.at_noise[0] / 2.0))

@@ -95,6 +95,15 @@ impl RunValue {
         RunValue::bounded(number, Bound::Exact)
     }
 
+    /// Creates a value that is known with the noise of the reference as estimated, and at both ends
+    /// of its interval.
+    pub fn at_each_noise([number, low, high]: [f64; 3]) -> RunValue {
+        RunValue {
+            noise_ends: Some([low, high]),
+            ..RunValue::exact(number)
+        }
+    }
+
     /// Creates a value that may be a bound.
     pub fn bounded(number: f64, bound: Bound) -> RunValue {
         RunValue {

@@ -113,8 +113,7 @@ fn efficiencies(night: &Night, techniques: &[String]) -> Vec<TechniqueResults> {
         let point = |row: &WaveRow| Some((row.render_s, *row.metrics.get(metric)?));
         let curve = MetricCurve::new(display, run.rows.iter().filter_map(point));
         let error = display.metric_value(curve.at(time_s)?);
-        let [low, high] = run.net_ends(spec, error);
-        let errors = [run.net_error(spec, error), low, high];
+        let errors = run.net_errors(spec, error);
         Some(RunEfficiency {
             repeat: run.repeat,
             at_noise: errors.map(|error| efficiency(error, time_s).unwrap_or(f64::NAN)),
@@ -147,10 +146,12 @@ fn sentence(verdict: &Verdict) -> String {
              of the reference"
         );
     }
-    let interval = verdict.interval().map_or_else(String::new, |[low, high]| {
-        format!(" (95 %: {} to {})", rounded(low), rounded(high))
-    });
-    let (ratio, p) = (rounded(verdict.ratio()), rounded(contrast.p));
+    let interval = contrast
+        .ratio_interval()
+        .map_or_else(String::new, |[low, high]| {
+            format!(" (95 %: {} to {})", rounded(low), rounded(high))
+        });
+    let (ratio, p) = (rounded(contrast.ratio()), rounded(contrast.p));
     match contrast.difference_of_means {
         _ if contrast.is_significant() => {
             format!("{better} is {ratio} times as efficient as {worse}{interval}, p = {p}")
@@ -201,7 +202,7 @@ fn as_json(
         .iter()
         .map(|v| {
             json!({
-                "better": v.better, "worse": v.worse, "ratio": v.ratio(), "interval": v.interval(),
+                "better": v.better, "worse": v.worse, "ratio": v.contrast.ratio(), "interval": v.contrast.ratio_interval(),
                 "ratio_of_means": v.contrast.difference_of_means.map(f64::exp),
                 "p": v.contrast.p, "significant": v.contrast.is_significant(),
             })

@@ -32,18 +32,6 @@ pub struct Verdict {
     pub contrast: Contrast,
 }
 
-impl Verdict {
-    /// Ratio of the geometric means of their efficiencies, at least 1.
-    pub fn ratio(&self) -> f64 {
-        self.contrast.difference.exp()
-    }
-
-    /// Simultaneous 95 % confidence interval of the ratio; `None` if it is not known.
-    pub fn interval(&self) -> Option<[f64; 2]> {
-        self.contrast.interval.map(|ends| ends.map(f64::exp))
-    }
-}
-
 /// Compares the most efficient technique with each other one.
 pub fn verdicts(results: &[TechniqueResults]) -> Vec<Verdict> {
     let score = |run: &RunEfficiency| Score {

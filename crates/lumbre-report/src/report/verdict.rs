@@ -42,7 +42,7 @@ impl Winner {
     fn certainty(&self) -> String {
         let contrast = self.contrast.filter(|_| self.ratio.is_some());
         let certainty = |contrast: Contrast| {
-            let [low, high] = contrast.interval?.map(|end| significant(end.exp(), 2));
+            let [low, high] = contrast.ratio_interval()?.map(|end| significant(end, 2));
             Some(format!(
                 " (95 %: {low} to {high}, p = {})",
                 significant(contrast.p, 2)

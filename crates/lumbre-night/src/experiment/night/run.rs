@@ -204,26 +204,11 @@ impl Run {
         floor.map(|(_, floor)| *floor)
     }
 
-    /// Returns the error of a metric without the noise of the reference, where that is known.
-    pub fn net_error(&self, spec: &MetricSpec, error: f64) -> f64 {
-        self.floor(&spec.column)
-            .and_then(|floor| spec.net(error, floor.value))
-            .unwrap_or(error)
-    }
-
-    /// Returns the errors of [`Run::net_error`] if the noise of the reference is at the lower and
-    /// the upper end of its confidence interval; NaN if it is too noisy for ratios of the metric.
-    pub fn net_ends(&self, spec: &MetricSpec, error: f64) -> [f64; 2] {
-        let floor = self.floor(&spec.column);
-        if floor.is_some_and(|floor| spec.samples_for_ratios(floor.value, 1).is_some()) {
-            return [f64::NAN; 2];
-        }
-        let floor = floor.map(Floor::ends);
-        let net = |floor: [f64; 2]| {
-            let [low, high] = floor.map(|floor| spec.net(error, floor));
-            Some([low?, high?])
-        };
-        floor.and_then(net).unwrap_or([error; 2])
+    /// Returns the error of a metric without the noise of the reference, where that is known: with
+    /// the noise as estimated, and at both ends of its confidence interval, as
+    /// [`MetricSpec::net_at_noise`].
+    pub fn net_errors(&self, spec: &MetricSpec, error: f64) -> [f64; 3] {
+        spec.net_at_noise(error, self.floor(&spec.column))
     }
 
     /// Returns the samples per pixel per second of render time over the whole run; `None` before

@@ -93,12 +93,10 @@ pub(super) fn efficiency(study: &Study) -> Option<Table> {
             let squared = if is_root { error * error } else { error };
             run::efficiency(squared, last.render_s)
         };
-        let ends = m.run.net_ends(spec, error).map(efficiency);
-        Some(RunValue {
-            // An error that is not above the noise of the reference has no efficiency.
-            noise_ends: Some(ends.map(|end| end.unwrap_or(f64::NAN))),
-            ..RunValue::exact(efficiency(m.run.net_error(spec, error))?)
-        })
+        let [estimate, low, high] = m.run.net_errors(spec, error).map(efficiency);
+        // An error that is not above the noise of the reference has no efficiency.
+        let ends = [low, high].map(|end| end.unwrap_or(f64::NAN));
+        Some(RunValue::at_each_noise([estimate?, ends[0], ends[1]]))
     });
     mark_noise_floors(study, &mut table, metric, |_, m| {
         m.value(m.run.rows.last()?, metric)
@@ -162,11 +160,8 @@ pub(super) fn equal_time(study: &Study, options: &ReportOptions, metric: usize) 
         Some(display.metric_value(drawn))
     };
     let mut table = fill_table(study, table, ranking, |facet, m| {
-        let error = at_time(facet, m)?;
-        Some(RunValue {
-            noise_ends: Some(m.run.net_ends(spec, error)),
-            ..RunValue::exact(m.run.net_error(spec, error))
-        })
+        let errors = m.run.net_errors(spec, at_time(facet, m)?);
+        Some(RunValue::at_each_noise(errors))
     });
     mark_noise_floors(study, &mut table, metric, at_time);
     table.label_headers.push("time (s)".to_owned());
