@@ -82,7 +82,7 @@ fn groups(image: &Image) -> Vec<Image> {
     let share = image.data.len() / (2 * GROUPS);
     let side = (share.isqrt() as u32).clamp(1, SQUARE);
     let columns = image.width.div_ceil(side);
-    let mut groups: Vec<Vec<[f32; 3]>> = vec![Vec::with_capacity(2 * share + 1); GROUPS];
+    let mut groups: Vec<Vec<[f32; 3]>> = vec![Vec::new(); GROUPS];
     let places = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y)));
     for ((x, y), pixel) in places.zip(&image.data) {
         let square = y / side * columns + x / side;

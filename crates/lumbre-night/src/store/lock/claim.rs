@@ -8,11 +8,11 @@
 //! rewrites the file every [`HEARTBEAT`], and a claim that was not written for [`LEASE`], by the
 //! file system's own clock, is taken over. No machine's clock is involved.
 //!
-//! Without locks, two processes may find the same lease expired. The claim is then renamed away,
-//! which only one of them can do. The renamed file is checked again and gets its name back if it is
-//! not the one that was judged, and the new claim is created like any other. Two machines can work
-//! on one run only if a third process acts in that moment. Both then write the same bytes, each
-//! file atomically, and the one that lost its claim reports it at the end of the run.
+//! Without locks, several processes may find the same lease ended. One of them gets the right to
+//! replace that claim, looks at it again and renames its own claim over it. Two machines can work
+//! on one run only if the owner wakes up, or the one with the right is suspended, in that moment.
+//! Both then write the same bytes, each file atomically, and the one that lost its claim reports it
+//! at the end of the run.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions, TryLockError};
@@ -22,7 +22,9 @@ use std::sync::mpsc::{RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 
-use super::exclusive_file::{is_file_at, persist_exclusively, remove_exclusively};
+use tempfile::NamedTempFile;
+
+use super::exclusive_file::{is_file_at, persist_exclusively, replace_exclusively};
 use crate::experiment::run_progress::Claim;
 use crate::paths::folder_of;
 use crate::store::schema::StoredFile;
@@ -218,23 +220,20 @@ impl Claims {
         if !self.lease_has_ended(&file, path)? {
             return Ok(TakeOver::Held(description));
         }
-        let still_expired =
-            |moved: &mut File| Ok(read_all(moved) == content && age(moved, folder)? > LEASE);
-        if !remove_exclusively(folder, path, still_expired)? {
+        let still_ended = |there: &mut File| {
+            Ok(read_all(there) == content && atomic::age(there, folder)? > LEASE)
+        };
+        let new = self.locked_claim(folder, path, text)?;
+        let Some(file) = replace_exclusively(path, content.as_bytes(), still_ended, new)? else {
             return Ok(TakeOver::Released);
+        };
+        if self.has_heartbeat {
+            tracing::info!(
+                "taking over the run of {description}: no heartbeat for {} s",
+                LEASE.as_secs()
+            );
         }
-        match self.create(folder, path, text)? {
-            Some(file) => {
-                if self.has_heartbeat {
-                    tracing::info!(
-                        "taking over the run of {description}: no heartbeat for {} s",
-                        LEASE.as_secs()
-                    );
-                }
-                Ok(TakeOver::Acquired(file))
-            }
-            None => Ok(TakeOver::Released),
-        }
+        Ok(TakeOver::Acquired(file))
     }
 
     fn try_lock(&self, file: &File, path: &Path) -> LockState {
@@ -265,7 +264,7 @@ impl Claims {
             }
             return Ok(false);
         }
-        let ended = age(file, folder_of(path))? > LEASE;
+        let ended = atomic::age(file, folder_of(path))? > LEASE;
         if ended {
             alive.remove(path);
         } else {
@@ -279,11 +278,16 @@ impl Claims {
         if path.exists() {
             return Ok(None);
         }
+        persist_exclusively(self.locked_claim(folder, path, text)?, path)
+    }
+
+    /// Writes a claim under a temporary name, and locks it.
+    fn locked_claim(&self, folder: &Path, path: &Path, text: &str) -> io::Result<NamedTempFile> {
         let mut file = atomic::temporary(folder)?;
         self.try_lock(file.as_file(), path);
         file.write_all(text.as_bytes())?;
         file.as_file().sync_data()?;
-        persist_exclusively(file, path)
+        Ok(file)
     }
 
     /// Whether the claim of a folder still belongs to this process.
@@ -341,15 +345,6 @@ fn read_all(file: &mut File) -> String {
         .seek(SeekFrom::Start(0))
         .and_then(|_| file.read_to_string(&mut text));
     if read.is_ok() { text } else { String::new() }
-}
-
-/// Time since a file was written, by the clock of the folder's file system, which may differ from
-/// this machine's clock.
-fn age(file: &File, folder: &Path) -> io::Result<Duration> {
-    let now = atomic::now_in(folder)?;
-    Ok(now
-        .duration_since(file.metadata()?.modified()?)
-        .unwrap_or_default())
 }
 
 pub(crate) fn lock_mutex<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {

@@ -12,7 +12,9 @@ use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use super::exclusive_file::{persist_exclusively, remove_exclusively};
+use tempfile::NamedTempFile;
+
+use super::exclusive_file::{persist_exclusively, replace_exclusively};
 use crate::experiment::comparison_groups::Affinity;
 use crate::store::schema::process::{AffinityFile, RenderDevice};
 use crate::store::schema::{StoredFile, one_line};
@@ -95,8 +97,9 @@ impl DeviceAffinity {
         let bytes = match regular_file::read(path) {
             Ok(bytes) => bytes,
             Err(e) if e.kind() == io::ErrorKind::NotFound => {
-                let created = self.create(folder, path)?;
-                return Ok(created.then_some(AffinityDecision::Allowed));
+                fs::create_dir_all(folder)?;
+                let created = persist_exclusively(self.bound_file(folder)?, path)?;
+                return Ok(created.map(|_| AffinityDecision::Allowed));
             }
             Err(e) => return Err(e),
         };
@@ -116,7 +119,7 @@ impl DeviceAffinity {
             let mut now = Vec::new();
             file.read_to_end(&mut now).map(|_| now == bytes)
         };
-        if !remove_exclusively(folder, path, unchanged)? || !self.create(folder, path)? {
+        if replace_exclusively(path, &bytes, unchanged, self.bound_file(folder)?)?.is_none() {
             return Ok(None);
         }
         match bound {
@@ -134,9 +137,8 @@ impl DeviceAffinity {
         Ok(Some(AffinityDecision::Allowed))
     }
 
-    /// Creates the file of a group exclusively. Returns whether this worker created it.
-    fn create(&self, folder: &Path, path: &Path) -> io::Result<bool> {
-        fs::create_dir_all(folder)?;
+    /// Writes a file that binds a group to this worker's device, under a temporary name.
+    fn bound_file(&self, folder: &Path) -> io::Result<NamedTempFile> {
         let mut file = atomic::temporary(folder)?;
         let content = AffinityFile {
             device: self.device.clone(),
@@ -145,7 +147,7 @@ impl DeviceAffinity {
         };
         file.write_all(one_line(&content).as_bytes())?;
         file.as_file().sync_data()?;
-        Ok(persist_exclusively(file, path)?.is_some())
+        Ok(file)
     }
 
     /// Whether any active worker renders on the device with this key.
@@ -166,8 +168,6 @@ impl DeviceAffinity {
     }
 }
 
-/// Parses the file of a group. Returns `None` if it is damaged. A file without a checksum, written
-/// by hand, is accepted.
 /// Removes the damaged files of groups in an experiment's folder, and names them. The next worker
 /// that renders a cell of such a group binds it again.
 pub(crate) fn remove_damaged(experiment: &Path) {
@@ -185,6 +185,8 @@ pub(crate) fn remove_damaged(experiment: &Path) {
     }
 }
 
+/// Parses the file of a group. Returns `None` if it is damaged. A file without a checksum, written
+/// by hand, is accepted.
 fn parse_device(bytes: &[u8]) -> Option<RenderDevice> {
     let AffinityFile { device, check, .. } = AffinityFile::parse(bytes).ok()?;
     let intact = check.is_none_or(|stored| stored == checksum(&device));

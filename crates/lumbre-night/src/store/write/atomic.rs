@@ -9,13 +9,13 @@ use crate::paths::folder_of;
 use crate::store::{StoreError, regular_file};
 
 /// Prefix of temporary files. The next owner of a folder removes those that a crash left.
-const TEMP_PREFIX: &str = ".lumbre-";
+pub(crate) const TEMP_PREFIX: &str = ".lumbre-";
 /// Suffix of temporary files.
-const TEMP_SUFFIX: &str = ".tmp";
+pub(crate) const TEMP_SUFFIX: &str = ".tmp";
 
 /// Greatest number of attempts to create a file in a folder that other processes remove while it is
 /// empty.
-const MAX_ATTEMPTS: u32 = 100;
+const MAX_ATTEMPTS: u32 = 1000;
 
 /// Age after which a temporary file counts as abandoned.
 const ABANDONED: Duration = Duration::from_secs(3600);
@@ -105,6 +105,12 @@ pub fn remove_temporaries(folder: &Path) {
 /// Current time by the clock of a folder's file system, which may differ from the machine's clock.
 pub(crate) fn now_in(folder: &Path) -> std::io::Result<SystemTime> {
     tempfile::tempfile_in(folder)?.metadata()?.modified()
+}
+
+/// Time since a file was written, by the clock of the folder's file system.
+pub(crate) fn age(file: &File, folder: &Path) -> std::io::Result<Duration> {
+    let written = file.metadata()?.modified()?;
+    Ok(now_in(folder)?.duration_since(written).unwrap_or_default())
 }
 
 /// Removes abandoned temporary files in a folder to which other processes may be writing.
