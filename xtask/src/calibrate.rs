@@ -92,6 +92,10 @@ fn setups() -> Vec<Setup> {
             floor,
             ..setup
         };
+        let on = |machine| Setup {
+            machine,
+            ..equal(2, 5, 0.0)
+        };
         [
             equal(2, 5, 0.0),
             equal(2, 16, 0.33),
@@ -109,9 +113,11 @@ fn setups() -> Vec<Setup> {
                 ..differ(2, 2.0, 0.0)
             },
             Setup {
-                drift: 0.5,
+                machine: Machine::Drifts,
                 ..differ(2, 2.0, 0.0)
             },
+            on(Machine::Shared),
+            on(Machine::SharedInSequence),
         ]
     };
     let all = [
@@ -204,9 +210,65 @@ struct Setup {
     ratio: f64,
     /// Share of the noise of the reference in the measured error of the best.
     floor: f64,
-    /// Standard deviation of the logarithm of the machine's speed, which all techniques of one
-    /// repeat share.
-    drift: f64,
+    /// What else happens on the machine.
+    machine: Machine,
+}
+
+/// What else happens on the machine of a night.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Machine {
+    /// Nothing.
+    Quiet,
+    /// The logarithm of its speed has the standard deviation 0.5 over repeats. Techniques take
+    /// turns within a repeat.
+    Drifts,
+    /// Another program halves its speed for a quarter of the night. Techniques take turns.
+    Shared,
+    /// Another program halves its speed for a quarter of the night, and runs follow one another.
+    SharedInSequence,
+}
+
+impl Machine {
+    /// Returns the speed in each run of a night, by technique and repeat.
+    fn speeds(self, random: &mut Random, arms: usize, repeats: u32) -> Vec<Vec<f64>> {
+        let start = unit(random) * 0.75;
+        // Share of the time from `from` to `to` in which the other program runs.
+        let shared = |from: f64, to: f64| {
+            let both = to.min(start + 0.25) - from.max(start);
+            1.0 - 0.5 * both.max(0.0) / (to - from)
+        };
+        let runs = arms * repeats as usize;
+        let drifts: Vec<f64> = (0..repeats).map(|_| (0.5 * normal(random)).exp()).collect();
+        let speed = |arm: usize, repeat: usize| match self {
+            Machine::Quiet => 1.0,
+            Machine::Drifts => drifts[repeat],
+            Machine::Shared => {
+                let turn = 1.0 / f64::from(repeats);
+                shared(repeat as f64 * turn, (repeat + 1) as f64 * turn)
+            }
+            Machine::SharedInSequence => {
+                let (turn, run) = (1.0 / runs as f64, arm * repeats as usize + repeat);
+                shared(run as f64 * turn, (run + 1) as f64 * turn)
+            }
+        };
+        let of_arm = |arm| {
+            (0..repeats as usize)
+                .map(|repeat| speed(arm, repeat))
+                .collect()
+        };
+        (0..arms).map(of_arm).collect()
+    }
+}
+
+impl fmt::Display for Machine {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Machine::Quiet => "",
+            Machine::Drifts => ", speed drifts",
+            Machine::Shared => ", other work",
+            Machine::SharedInSequence => ", other work, `sequential`",
+        })
+    }
 }
 
 impl Setup {
@@ -216,7 +278,7 @@ impl Setup {
         repeats: 5,
         ratio: 1.0,
         floor: 0.0,
-        drift: 0.0,
+        machine: Machine::Quiet,
     };
 
     /// Returns the true ratio of a technique's error to that of the first.
@@ -241,11 +303,11 @@ impl Setup {
         };
         let floor = metric.floor(&reference, halves).ok().flatten();
         let floor = floor.filter(|_| self.floor > 0.0);
+        let speeds = self.machine.speeds(random, self.arms, self.repeats);
         let mut arms = vec![Vec::new(); self.arms];
         for repeat in 0..self.repeats {
-            let speed = (self.drift * normal(random)).exp();
             for (arm, scores) in arms.iter_mut().enumerate() {
-                let scale = (self.truth(arm) / speed).sqrt();
+                let scale = (self.truth(arm) / speeds[arm][repeat as usize]).sqrt();
                 let picture = self.noise.picture(random, scale, 1);
                 let error = metric.eval(&picture, &reference).unwrap_or(f64::NAN);
                 let at_noise = metric.net_at_noise(error, floor).map(f64::ln);
@@ -353,14 +415,10 @@ impl Rates {
         } else {
             percent(self.found)
         };
-        let drift = if setup.drift > 0.0 {
-            ", speed drifts"
-        } else {
-            ""
-        };
         format!(
-            "| {}{drift} | {} | {} | {} | {:.0} % | {} | {} | {found} | {} | {:.2} |",
+            "| {}{} | {} | {} | {} | {:.0} % | {} | {} | {found} | {} | {:.2} |",
             setup.noise,
+            setup.machine,
             setup.arms,
             setup.repeats,
             setup.ratio,
@@ -391,7 +449,7 @@ mod tests {
                     repeats,
                     ratio,
                     floor,
-                    drift: 0.0,
+                    machine: Machine::Quiet,
                 };
                 let rates = Rates::measure(&setup, 200);
                 assert!(rates.coverage >= 0.90, "{setup:?}: {rates:?}");
@@ -413,7 +471,7 @@ mod tests {
         let drifting = Rates::measure(
             &Setup {
                 ratio: 2.0,
-                drift: 0.5,
+                machine: Machine::Drifts,
                 ..Setup::NULL
             },
             100,

@@ -13,6 +13,7 @@
 
 mod bias;
 pub mod colour;
+pub mod common_error;
 pub mod evaluator;
 mod fireflies;
 mod flip;

@@ -252,7 +252,7 @@ pub const FIGURE: [Column; 6] = [
 ];
 
 /// Columns of a table of a report, after the labels of its rows.
-pub const TABLE: [Column; 11] = [
+pub const TABLE: [Column; 15] = [
     column("group", "", "heading above the column, if there is one"),
     column("column", "", "name of the column"),
     column("value", "of `unit`", "mean over the runs"),
@@ -265,9 +265,25 @@ pub const TABLE: [Column; 11] = [
     column(
         "bound",
         "",
-        "`lower`, `upper` or `either` if the value is only such a bound",
+        "`lower` or `upper` if the value is only such a bound, `median` for that of runs of which some have one",
     ),
-    column("best", "", "1 for the best value of its row, else 0"),
+    column(
+        "best",
+        "",
+        "1 for a value that is significantly better than each other one of its row and group, else 0",
+    ),
+    column(
+        "worse",
+        "",
+        "how many times worse the value is than the best one of its row and group; by how much, if the values are not compared by ratios",
+    ),
+    column(
+        "worse_low",
+        "",
+        "lower end of its 95 % interval, which holds for all pairs of the row together",
+    ),
+    column("worse_high", "", "upper end"),
+    column("p", "", "its p-value, corrected in the same way"),
     column(
         "at_floor",
         "",

@@ -69,6 +69,14 @@ impl Contrast {
         self.interval.map(|ends| ends.map(f64::exp))
     }
 
+    /// Returns the difference and its interval as ratios, on a logarithmic scale.
+    pub fn shown(&self) -> (f64, Option<[f64; 2]>) {
+        match self.difference_of_means {
+            Some(_) => (self.ratio(), self.ratio_interval()),
+            None => (self.difference, self.interval),
+        }
+    }
+
     /// Whether the best is significantly better, and the mean of the errors confirms it.
     pub fn is_significant(&self) -> bool {
         self.p < LEVEL && self.is_confirmed()

@@ -6,7 +6,9 @@
 //! that supports it.
 
 pub mod benchmark;
+mod censored;
 pub mod clock;
+pub mod common_error;
 pub mod comparison;
 mod dependent_axes;
 mod exposure;

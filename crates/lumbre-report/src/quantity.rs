@@ -8,7 +8,7 @@ use lumbre_night::experiment::night::run::Run;
 use lumbre_night::experiment::spec::TableValue;
 use lumbre_render::OpenStats;
 
-/// Relation of a number to the true one.
+/// Relation of a number to the true one, or to those of several runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Bound {
     /// The number itself.
@@ -18,27 +18,18 @@ pub enum Bound {
     Lower,
     /// An upper bound: the first measurement, after this many seconds, had reached the threshold.
     Upper,
-    /// The mean of lower and upper bounds, which may be off to either side.
-    Either,
+    /// The median of runs of which some have only a bound.
+    Median,
 }
 
 impl Bound {
-    /// Returns the relation of a mean of numbers to the true mean.
-    pub fn of_mean(bounds: impl Iterator<Item = Bound>) -> Bound {
-        bounds.fold(Bound::Exact, |all, next| match (all, next) {
-            (Bound::Exact, bound) | (bound, Bound::Exact) => bound,
-            (all, next) if all == next => all,
-            _ => Bound::Either,
-        })
-    }
-
     /// Returns the sign before the number in tables; empty for an exact one.
     pub fn sign(self) -> &'static str {
         match self {
             Bound::Exact => "",
             Bound::Lower => "> ",
             Bound::Upper => "≤ ",
-            Bound::Either => "~ ",
+            Bound::Median => "median ",
         }
     }
 
@@ -48,7 +39,7 @@ impl Bound {
             Bound::Exact => "",
             Bound::Lower => "lower",
             Bound::Upper => "upper",
-            Bound::Either => "either",
+            Bound::Median => "median",
         }
     }
 
@@ -58,16 +49,22 @@ impl Bound {
             Bound::Exact => "",
             Bound::Lower => "`> t`: not reached within t seconds.",
             Bound::Upper => "`≤ t`: reached at the first measurement, after t seconds.",
-            Bound::Either => {
-                "`~ t`: some runs reached it at the first measurement, and others not at all."
+            Bound::Median => {
+                "`median t`: of all runs, of which some did not reach it or had reached it at the \
+                 first measurement; with its 95 % confidence interval."
             }
         }
+    }
+
+    /// Whether the number itself is not known.
+    pub fn is_open(self) -> bool {
+        matches!(self, Bound::Lower | Bound::Upper)
     }
 
     /// Returns the explanations of the signs that occur among `bounds`, each once, joined by
     /// spaces.
     pub fn explanations(bounds: &[Bound]) -> String {
-        let occurring = [Bound::Lower, Bound::Upper, Bound::Either]
+        let occurring = [Bound::Lower, Bound::Upper, Bound::Median]
             .into_iter()
             .filter(|bound| bounds.contains(bound));
         occurring

@@ -236,7 +236,7 @@ fn quoted(path: &str) -> String {
 }
 
 /// Reads a picture of a night, or a picture of any known format that a script uses as a reference.
-fn read_picture(path: &Path, evidence: &Evidence) -> Result<Image, String> {
+pub(in crate::cli) fn read_picture(path: &Path, evidence: &Evidence) -> Result<Image, String> {
     let bytes = evidence.read(path)?;
     decode_picture(&bytes)
         .or_else(|_| {

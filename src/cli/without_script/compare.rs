@@ -1,14 +1,15 @@
 //! `lumbre compare`: compares techniques on one scene, and says which is more efficient.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
 use super::experiment_text::{experiment_name, reference_technique, script_text};
 use super::verdict::{RunEfficiency, TechniqueResults, Verdict, verdicts};
-use crate::cli::args::{CompareArgs, Global, RunArgs};
+use crate::cli::args::{CompareArgs, ComparisonArgs, Global, RunArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{display_path, rounded};
+use crate::cli::inspect::report::read_picture;
 use crate::cli::night::last_command::latest;
 use crate::cli::night::log::Log;
 use crate::cli::night::run;
@@ -21,6 +22,7 @@ use lumbre_night::experiment::night::run::{Run, efficiency};
 use lumbre_night::store::read::night::read_night;
 use lumbre_night::store::{self, Evidence};
 use lumbre_report::clock;
+use lumbre_report::common_error;
 use lumbre_report::lanes::mixed_lanes;
 use lumbre_report::metric_display::MetricDisplay;
 use lumbre_report::repeats::MetricCurve;
@@ -51,45 +53,55 @@ pub fn main(args: &CompareArgs, global: &Global, log: &Log) -> Result<Exit, Fail
     }
     let evidence = Evidence::default();
     let night = read_night(&latest(&global.out)?, &evidence).map_err(Failure::internal)?;
+    let results = efficiencies(&night, &comparison.techniques);
+    let found = verdicts(&results);
+    let caveats = caveats(&night, comparison, &found, &evidence);
     let problems = evidence.problems();
     for problem in &problems {
         print_status(&format!("left out: {problem}"));
     }
-    let results = efficiencies(&night, &comparison.techniques);
-    let found = verdicts(&results);
     let mut lines: Vec<String> = found.iter().map(sentence).collect();
-    lines.extend(night.biased_references().into_iter().map(|biased| {
-        let sentence = biased_reference(biased);
-        format!("warning: {sentence}; --reference names another technique")
-    }));
-    lines.extend(floor_warning(&night, reference_technique(comparison)));
-    let noisy = night.noisy_references();
-    lines.extend(noisy.iter().map(|sentence| format!("warning: {sentence}")));
-    lines.extend(
-        clock_caveats(&night)
-            .iter()
-            .map(|sentence| format!("warning: {sentence}")),
-    );
-    let runs = night
-        .runs
-        .iter()
-        .map(|run| (run.integrator.as_str(), &**run));
-    lines.extend(mixed_lanes(runs).map(|sentence| format!("warning: {sentence}")));
+    lines.extend(caveats.iter().map(|caveat| format!("warning: {caveat}")));
     lines.push(format!("script: {}", display_path(&script)));
     if args.json {
         let reference = reference_technique(comparison);
-        crate::cli::json::print(as_json(&results, &found, reference, &clock_caveats(&night)))?;
+        crate::cli::json::print(as_json(&results, &found, reference, &caveats))?;
     } else {
         print_result(&format!("\n{}\n", lines.join("\n")))?;
     }
     Ok(Exit::unless_problems(!problems.is_empty()))
 }
 
-/// Returns sentences on the clocks of the runs.
-fn clock_caveats(night: &Night) -> Vec<String> {
-    let finished = night.runs.iter().filter(|run| run.is_done());
-    let shares = finished.map(|run| (run.integrator.as_str(), run.lost_share));
-    clock::caveats(shares, &night.plan.order)
+/// Returns sentences on what weakens the verdicts.
+fn caveats(
+    night: &Night,
+    comparison: &ComparisonArgs,
+    found: &[Verdict],
+    evidence: &Evidence,
+) -> Vec<String> {
+    let biased = night.biased_references().into_iter().map(|biased| {
+        let sentence = biased_reference(biased);
+        format!("{sentence}; --reference names another technique")
+    });
+    let mut caveats: Vec<String> = biased.collect();
+    caveats.extend(floor_caveat(night, reference_technique(comparison)));
+    caveats.extend(night.noisy_references());
+    let finished = || night.runs.iter().filter(|run| run.is_done());
+    let mut leading = found.iter().filter(|v| v.contrast.is_significant());
+    let leader = leading.next().map(|verdict| verdict.better.clone());
+    let has_common_error = |leader: &String| {
+        let runs = finished().filter(|run| run.integrator == *leader);
+        let read = |path: &Path| read_picture(path, evidence).ok();
+        common_error::exceeds_noise(night, runs.map(|run| &**run), read)
+    };
+    let leader: Vec<String> = leader.into_iter().filter(has_common_error).collect();
+    caveats.extend(common_error::caveat(&leader));
+    let shares = finished().map(|run| (run.integrator.as_str(), run.lost_share));
+    caveats.extend(clock::caveats(shares, &night.plan.order));
+    let runs = night.runs.iter();
+    let runs = runs.map(|run| (run.integrator.as_str(), &**run));
+    caveats.extend(mixed_lanes(runs));
+    caveats
 }
 
 /// Returns the metric of the comparison and its last value in a run.
@@ -169,8 +181,8 @@ fn sentence(verdict: &Verdict) -> String {
     }
 }
 
-/// Returns a warning if the noise of the reference makes up much of the measured errors.
-fn floor_warning(night: &Night, reference: &str) -> Option<String> {
+/// Returns a sentence if the noise of the reference makes up much of the measured errors.
+fn floor_caveat(night: &Night, reference: &str) -> Option<String> {
     let shares = night
         .runs
         .iter()
@@ -178,7 +190,7 @@ fn floor_warning(night: &Night, reference: &str) -> Option<String> {
     let greatest = shares.fold(0.0, f64::max);
     (greatest > MAX_FLOOR_SHARE).then(|| {
         format!(
-            "warning: up to {} % of the measured error is noise of the reference by {reference}; \
+            "up to {} % of the measured error is noise of the reference by {reference}; \
              it is subtracted, but another --reference or a longer --time would be more certain",
             rounded(100.0 * greatest)
         )
@@ -189,7 +201,7 @@ fn as_json(
     results: &[TechniqueResults],
     found: &[Verdict],
     reference: &str,
-    clock: &[String],
+    caveats: &[String],
 ) -> serde_json::Value {
     let techniques: Vec<_> = results
         .iter()
@@ -210,7 +222,7 @@ fn as_json(
         .collect();
     json!({
         "metric": METRIC, "techniques": techniques, "verdicts": verdicts,
-        "reference": { "technique": reference, "bias": bias_of(reference) }, "clock": clock,
+        "reference": { "technique": reference, "bias": bias_of(reference) }, "caveats": caveats,
     })
 }
 

@@ -128,7 +128,7 @@ pub fn build(
     items.extend(tables::all(study, options, &mut notes)?);
     items.extend(tidy::all(study));
     items.extend(methods::items(study));
-    let verdict = verdict::Verdict::new(study, &items);
+    let verdict = verdict::Verdict::new(study, &items, context.pictures);
     items.extend(verdict.item(study));
     let page = page::item(study, &items, &verdict, context, &mut notes)?;
     items.push(page);

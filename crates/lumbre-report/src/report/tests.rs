@@ -126,7 +126,7 @@ fn run(
         state: RunState::Ended(Outcome::Done(end)),
         rows: Arc::new(rows.collect()),
         pictures: [16, 64, 128]
-            .map(|n| (n, PathBuf::from(format!("{technique}-{n}.exr"))))
+            .map(|n| (n, PathBuf::from(format!("{technique}-{repeat}-{n}.exr"))))
             .to_vec(),
         open: Some(OpenStats {
             accel_build_s: 0.0021,
@@ -149,7 +149,7 @@ fn planned(run: &mut Arc<Run>) -> &mut RunPlan {
 const UNFINISHED: RunState = RunState::Ended(Outcome::Interrupted);
 
 /// Returns made-up pictures: the reference is a gradient, the others have an error that falls with
-/// the samples.
+/// the samples and is in other pixels in each repeat.
 fn picture(path: &Path) -> Result<Image, String> {
     let name = path
         .file_stem()
@@ -160,9 +160,15 @@ fn picture(path: &Path) -> Result<Image, String> {
         .next()
         .and_then(|n| n.parse().ok())
         .unwrap_or(f32::INFINITY);
+    let repeat: Option<u32> = name.split('-').nth(1).and_then(|n| n.parse().ok());
+    let shift = repeat.unwrap_or(0);
     let error = if name.starts_with("bpt") { 2.0 } else { 1.0 } / samples.sqrt();
     Ok(Image::from_fn(40, 30, |x, y| {
-        let sign = if (x * 7 + y * 13) % 3 == 0 { 1.0 } else { -0.5 };
+        let sign = if (x * 7 + y * 13 + shift) % 3 == 0 {
+            1.0
+        } else {
+            -0.5
+        };
         // The left half has larger errors for both techniques.
         let local = if x < 20 { error } else { 0.1 * error };
         [

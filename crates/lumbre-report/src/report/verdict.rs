@@ -2,10 +2,13 @@
 //! metric, and what weakens the answer. Everything is read from the report's tables.
 
 use std::collections::BTreeSet;
+use std::ops::Range;
 
+use super::Pictures;
 use super::item::ReportItem;
 use super::study::Study;
 use crate::clock;
+use crate::common_error;
 use crate::comparison::{Contrast, LEVEL};
 use crate::format::significant;
 use crate::lanes;
@@ -24,7 +27,9 @@ const FEW_REPEATS: usize = 3;
 /// The best series of one facet by one metric.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Winner {
-    /// Label of the series with the best mean.
+    /// Index in the study of the series with the best mean.
+    pub series: usize,
+    /// Label of that series.
     pub label: String,
     /// Whether it is significantly better than every other one.
     pub is_significant: bool,
@@ -85,7 +90,7 @@ pub struct Verdict {
 
 impl Verdict {
     /// Reads the answer from the report's tables. Without two series it has no columns.
-    pub fn new(study: &Study, items: &[ReportItem]) -> Verdict {
+    pub fn new(study: &Study, items: &[ReportItem], pictures: &Pictures) -> Verdict {
         let tables: Vec<&Table> = items.iter().filter_map(|i| i.table.as_deref()).collect();
         let mut verdict = Verdict::default();
         for metric in 0..study.metrics.len() {
@@ -106,6 +111,9 @@ impl Verdict {
         }
         verdict.sentences = sentences;
         verdict.caveats = verdict.columns.iter().filter_map(unconfirmed).collect();
+        verdict
+            .caveats
+            .extend(common_errors(study, &verdict.columns, pictures));
         verdict.caveats.extend(caveats(study, &tables));
         verdict
     }
@@ -186,11 +194,7 @@ fn columns(study: &Study, metric: usize, table: &Table) -> Vec<Column> {
             continue;
         }
         let winner = |(_, cells): &(Vec<String>, Vec<TableCell>)| {
-            winner(
-                display,
-                &table.columns[range.clone()],
-                &cells[range.clone()],
-            )
+            winner(display, range.clone(), &table.columns, cells)
         };
         let heading = match group.as_str() {
             "" => spec.row.label.to_owned(),
@@ -204,18 +208,24 @@ fn columns(study: &Study, metric: usize, table: &Table) -> Vec<Column> {
     columns
 }
 
-/// Returns the best of the cells of one row and group.
-fn winner(display: MetricDisplay, labels: &[String], cells: &[TableCell]) -> Option<Winner> {
-    let scored = labels.iter().zip(cells).filter_map(|(label, cell)| {
+/// Returns the best of the cells of one row among the series of a group.
+fn winner(
+    display: MetricDisplay,
+    group: Range<usize>,
+    labels: &[String],
+    cells: &[TableCell],
+) -> Option<Winner> {
+    let scored = group.filter_map(|series| {
+        let cell = &cells[series];
         let drawn = display.drawn_value(cell.value?)?;
         let score = if display.scale == Scale::Log {
             drawn
         } else {
             -drawn
         };
-        Some((score, label, cell))
+        Some((score, series, cell))
     });
-    let mut scored: Vec<(f64, &String, &TableCell)> = scored.collect();
+    let mut scored: Vec<(f64, usize, &TableCell)> = scored.collect();
     scored.sort_by(|a, b| a.0.total_cmp(&b.0));
     let [first, second, ..] = scored.as_slice() else {
         return None;
@@ -223,7 +233,8 @@ fn winner(display: MetricDisplay, labels: &[String], cells: &[TableCell]) -> Opt
     let contrasts = || scored.iter().filter_map(|(_, _, cell)| cell.contrast);
     let leads = contrasts().all(|contrast| contrast.p < LEVEL);
     Some(Winner {
-        label: first.1.clone(),
+        series: first.1,
+        label: labels[first.1].clone(),
         is_significant: first.2.best,
         ratio: (display.scale == Scale::Log).then(|| second.0 / first.0),
         contrast: second.2.contrast,
@@ -294,6 +305,33 @@ fn unconfirmed(column: &Column) -> Option<String> {
             labels.join(", ")
         )
     })
+}
+
+/// Returns a sentence if runs of series that lead have most of their error in common.
+fn common_errors(study: &Study, columns: &[Column], pictures: &Pictures) -> Option<String> {
+    let winners = columns
+        .iter()
+        .flat_map(|column| column.winners.iter().enumerate());
+    let leading = winners.filter_map(|(facet, winner)| {
+        let winner = winner.as_ref().filter(|winner| winner.is_significant)?;
+        Some((winner.series, facet))
+    });
+    let has_common_error = |series: usize, facet: usize| {
+        let finished = study.finished(facet, series);
+        let night = finished.first().map(|member| member.night);
+        night.is_some_and(|night| {
+            let runs = finished.iter().filter(|m| std::ptr::eq(m.night, night));
+            common_error::exceeds_noise(night, runs.map(|m| m.run), |path| pictures(path).ok())
+        })
+    };
+    let mut labels: Vec<String> = Vec::new();
+    for (series, facet) in leading.collect::<BTreeSet<_>>() {
+        let label = &study.series[series].label;
+        if labels.last() != Some(label) && has_common_error(series, facet) {
+            labels.push(label.clone());
+        }
+    }
+    common_error::caveat(&labels)
 }
 
 /// Returns a sentence if some series traced one path at a time and others many.
@@ -424,6 +462,7 @@ mod tests {
     fn the_series_that_is_best_most_often_comes_first() {
         let winner = |label: &str, is_significant| {
             Some(Winner {
+                series: 0,
                 label: label.to_owned(),
                 is_significant,
                 ratio: Some(2.0),

@@ -2,7 +2,6 @@
 
 use super::Table;
 use crate::format::exact;
-use crate::quantity::Bound;
 use lumbre_night::columns::{TABLE, names};
 use lumbre_night::text::csv_line;
 
@@ -22,11 +21,18 @@ impl Table {
                 let ends = cell.value.zip(cell.interval).map(|(v, i)| i.ends(v));
                 fields.push(ends.map(|e| exact(e.0)).unwrap_or_default());
                 fields.push(ends.map(|e| exact(e.1)).unwrap_or_default());
-                fields.extend([
-                    cell.bound.name().to_owned(),
-                    u8::from(cell.best).to_string(),
-                    u8::from(cell.at_floor).to_string(),
-                ]);
+                fields.push(cell.bound.name().to_owned());
+                fields.push(u8::from(cell.best).to_string());
+                let shown = cell.contrast.map(|contrast| contrast.shown());
+                let interval = shown.and_then(|(_, interval)| interval);
+                let contrast = [
+                    shown.map(|(worse, _)| worse),
+                    interval.map(|[low, _]| low),
+                    interval.map(|[_, high]| high),
+                    cell.contrast.map(|contrast| contrast.p),
+                ];
+                fields.extend(contrast.map(|number| number.map(exact).unwrap_or_default()));
+                fields.push(u8::from(cell.at_floor).to_string());
                 fields.extend([
                     cell.runs.to_string(),
                     self.unit.clone(),
@@ -53,8 +59,9 @@ impl Table {
         for (labels, cells) in &self.rows {
             let mut line = labels.clone();
             line.extend(cells.iter().flat_map(|cell| {
-                let value = cell.value.filter(|_| cell.bound == Bound::Exact);
+                let value = cell.value.filter(|_| !cell.bound.is_open());
                 let half = value.zip(cell.interval).map(|(v, i)| i.half_width(v));
+                let half = half.filter(|half| half.is_finite());
                 fields([
                     value.map(exact).unwrap_or_default(),
                     cell.runs.to_string(),

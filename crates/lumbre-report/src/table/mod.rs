@@ -9,6 +9,7 @@ mod latex;
 pub(super) mod markdown;
 pub(super) mod ranking;
 
+use super::censored;
 use super::comparison::Contrast;
 use super::format::significant;
 use super::provenance::Provenance;
@@ -91,17 +92,32 @@ pub struct Table {
 }
 
 impl TableCell {
-    /// Averages the values of some runs on the scale on which they are compared. The mean is a bound
-    /// if any value is one.
+    /// Averages the values of some runs on the scale on which they are compared. If any value is a
+    /// bound, returns the median, which may be one too.
     pub fn mean(samples: &[RunValue], ranking: Ranking) -> TableCell {
         let values: Vec<f64> = samples.iter().map(|sample| sample.number).collect();
         if values.is_empty() {
             return TableCell::default();
         }
-        let (mean, interval) = ranking.mean(&values);
+        let has_bounds = samples.iter().any(|sample| sample.bound.is_open());
+        let median = if has_bounds {
+            censored::median(samples)
+        } else {
+            None
+        };
+        let (value, bound, interval) = match median {
+            Some(median) => {
+                let interval = median.interval.map(|[low, high]| Interval::Ends(low, high));
+                (median.time, median.bound, interval)
+            }
+            None => {
+                let (mean, interval) = ranking.mean(&values);
+                (mean, Bound::Exact, interval)
+            }
+        };
         TableCell {
-            value: Some(mean),
-            bound: Bound::of_mean(samples.iter().map(|sample| sample.bound)),
+            value: Some(value),
+            bound,
             interval,
             runs: values.len(),
             ..TableCell::default()
@@ -130,10 +146,11 @@ impl Table {
         let Some(value) = cell.value else {
             return "–".to_owned();
         };
-        match cell.interval.filter(|_| cell.bound == Bound::Exact) {
-            None => format!("{}{}{mark}", cell.bound.sign(), self.number(value)),
+        let number = match cell.interval {
+            None => format!("{}{mark}", self.number(value)),
             Some(interval) => self.number_with_interval(value, interval, mark),
-        }
+        };
+        format!("{}{number}", cell.bound.sign())
     }
 
     fn number_with_interval(&self, value: f64, interval: Interval, mark: &str) -> String {
@@ -168,6 +185,9 @@ impl Table {
             Interval::Factor(factor) => {
                 let decimals = decimals_of_two_digits(factor - 1.0).map_or(0, |d| d.min(4));
                 format!("{mean}{mark} ×÷ {factor:.decimals$}")
+            }
+            Interval::Ends(low, f64::INFINITY) => {
+                format!("{mean}{mark} ({} or more)", rounded(low))
             }
             Interval::Ends(low, high) => {
                 format!("{mean}{mark} ({} to {})", rounded(low), rounded(high))
@@ -250,6 +270,10 @@ mod tests {
             written(0.95312, Interval::Ends(0.9501, 0.9555)),
             "0.9531 (0.9501 to 0.9555)"
         );
+        assert_eq!(
+            written(3.5, Interval::Ends(2.25, f64::INFINITY)),
+            "3.500 (2.250 or more)"
+        );
         assert_eq!(written(3.25e-7, Interval::Factor(1.25)), "3.250e-7 ×÷ 1.25");
         assert_eq!(written(2.0, Interval::Factor(1.0)), "2 ×÷ 1");
         assert_eq!(written(2.0, Interval::Half(2.48)), "2.0 ± 2.5");
@@ -272,6 +296,12 @@ mod tests {
             run_ids: vec!["a".to_owned(), "b".to_owned()],
             ..TableCell::default()
         };
+        let contrast = Contrast {
+            difference: 2.5,
+            interval: Some([2.0, 3.0]),
+            p: 0.01,
+            difference_of_means: None,
+        };
         let table = Table {
             name: "t".to_owned(),
             kind: TableKind::Other,
@@ -286,7 +316,10 @@ mod tests {
                 vec!["box".to_owned()],
                 vec![
                     cell(4.0, Bound::Exact, Some(Interval::Half(0.5))),
-                    cell(60.0, Bound::Lower, None),
+                    TableCell {
+                        contrast: Some(contrast),
+                        ..cell(60.0, Bound::Lower, None)
+                    },
                 ],
             )],
             digits: Digits::Significant(4),
@@ -297,8 +330,8 @@ mod tests {
         assert_eq!(
             lines,
             [
-                "box,depth 2,nee,4,3.5,4.5,,0,0,3,s,a b",
-                "box,depth 9,bpt,60,,,lower,0,0,3,s,a b",
+                "box,depth 2,nee,4,3.5,4.5,,0,,,,,0,3,s,a b",
+                "box,depth 9,bpt,60,,,lower,0,2.5,2,3,0.01,0,3,s,a b",
             ]
         );
         let wide = table.to_wide_csv();

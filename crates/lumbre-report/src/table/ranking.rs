@@ -90,12 +90,14 @@ impl Ranking {
         }
     }
 
-    /// Compares the values of some columns, each with the number of its repeat. A column with a
-    /// lower bound, such as the time of a run that did not reach a threshold, is left out. With an
-    /// upper bound, which may be better than any other value, nothing is compared.
+    /// Compares the values of some columns, each with the number of its repeat. A lower bound, such
+    /// as the time of a run that did not reach a threshold, counts as that time, which favours its
+    /// column: if that leads, or with an upper bound, nothing is compared.
     pub fn compare(self, columns: &[Vec<(u32, RunValue)>]) -> Option<Comparison> {
-        let bounds = || columns.iter().flatten().map(|(_, value)| value.bound);
-        let is_open = bounds().any(|bound| matches!(bound, Bound::Upper | Bound::Either));
+        let has = |column: &[(u32, RunValue)], bound| {
+            column.iter().any(|(_, value)| value.bound == bound)
+        };
+        let is_open = columns.iter().any(|column| has(column, Bound::Upper));
         if matches!(self, Ranking::Unranked) || is_open {
             return None;
         }
@@ -103,12 +105,10 @@ impl Ranking {
             repeat: *repeat,
             at_noise: value.at_noise().map(|number| self.score(number)),
         };
-        let scores = |column: &Vec<(u32, RunValue)>| -> Vec<Score> {
-            let is_exact = column.iter().all(|(_, value)| value.bound == Bound::Exact);
-            column.iter().filter(|_| is_exact).map(score).collect()
-        };
+        let scores = |column: &Vec<(u32, RunValue)>| column.iter().map(score).collect();
         let arms: Vec<Vec<Score>> = columns.iter().map(scores).collect();
-        Comparison::new(&arms, self.score_scale())
+        let comparison = Comparison::new(&arms, self.score_scale())?;
+        (!has(&columns[comparison.best], Bound::Lower)).then_some(comparison)
     }
 }
 
@@ -151,6 +151,20 @@ mod tests {
     fn significant_best(columns: &[Vec<(u32, RunValue)>], ranking: Ranking) -> Option<usize> {
         let comparison = ranking.compare(columns)?;
         comparison.is_significant().then_some(comparison.best)
+    }
+
+    #[test]
+    fn a_column_that_missed_the_threshold_may_be_beaten_and_never_leads() {
+        let missed = |times: &[f64]| {
+            let mut column = exact(times);
+            column[0].1.bound = Bound::Lower;
+            column
+        };
+        let fast = || exact(&[1.0, 1.01, 0.99]);
+        let slow = [fast(), missed(&[4.0, 3.9, 3.8])];
+        assert_eq!(significant_best(&slow, Ranking::ShorterTime), Some(0));
+        let lucky = [fast(), missed(&[0.2, 0.21, 0.19])];
+        assert_eq!(Ranking::ShorterTime.compare(&lucky), None);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 
 use super::caption::caption;
 use crate::provenance::Provenance;
-use crate::quantity::{self, Bound, RunValue};
+use crate::quantity::{self, RunValue};
 use crate::report::study::{Member, Study};
 use crate::table::ranking::Ranking;
 use crate::table::{Digits, Table, TableCell, TableKind};
@@ -83,9 +83,7 @@ fn average<'a>(study: &Study, spec: &TableSpec, members: &'a [Member]) -> TableC
     let mean = TableCell::mean(&values, Ranking::Unranked);
     let are_repeats = points.windows(2).all(|two| two[0] == two[1]);
     TableCell {
-        interval: mean
-            .interval
-            .filter(|_| are_repeats && mean.bound == Bound::Exact),
+        interval: mean.interval.filter(|_| are_repeats),
         ..mean
     }
 }

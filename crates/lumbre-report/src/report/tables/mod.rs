@@ -258,16 +258,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_mean_with_a_run_below_the_threshold_is_a_bound() {
+    fn a_cell_with_a_run_below_the_threshold_has_a_median() {
         let lower = RunValue::bounded(3.0, Bound::Lower);
-        let cell = TableCell::mean(&[RunValue::exact(1.0), lower], Ranking::Unranked);
+        let two = [1.0, 2.0].map(RunValue::exact);
+        let cell = TableCell::mean(&[two[0], two[1], lower], Ranking::ShorterTime);
         assert_eq!(
             (cell.bound, cell.value, cell.runs),
-            (Bound::Lower, Some(2.0), 2)
+            (Bound::Median, Some(2.0), 3)
         );
-        let both = [lower, RunValue::bounded(1.0, Bound::Upper)];
-        let cell = TableCell::mean(&both, Ranking::Unranked);
-        assert_eq!((cell.bound, cell.value), (Bound::Either, Some(2.0)));
+        let cell = TableCell::mean(&[two[0], lower, lower], Ranking::ShorterTime);
+        assert_eq!((cell.bound, cell.value), (Bound::Lower, Some(3.0)));
         let cell = TableCell::mean(&[], Ranking::ShorterTime);
         assert_eq!(cell, TableCell::default());
     }

@@ -27,6 +27,34 @@ fn the_page_begins_with_the_winners() {
 }
 
 #[test]
+fn a_winner_whose_runs_have_an_error_in_common_has_a_caveat() {
+    let nights = [night("GPU", 1.0)];
+    let study = Study::new(&nights, &ReportOptions::default()).unwrap();
+    let caveats = |dark: &str| {
+        let pictures = |path: &Path| {
+            let mut image = picture(path)?;
+            if path.display().to_string().starts_with(dark) {
+                image.data.iter_mut().for_each(|pixel| pixel[0] -= 0.1);
+            }
+            Ok(image)
+        };
+        let (link, command) = (|_: &Path| String::new(), |_: &Path| String::new());
+        let context = ReportContext {
+            pictures: &pictures,
+            problems: &Vec::new,
+            link: &link,
+            command: &command,
+            again: "lumbre report out/latest",
+        };
+        let made = build(&study, &ReportOptions::default(), &context).unwrap();
+        text(&made, "verdict", "md")
+    };
+    assert!(!caveats("none").contains("in common"));
+    assert!(caveats("nee").contains("The runs of nee have more error in common"));
+    assert!(!caveats("bpt").contains("in common"), "bpt does not lead");
+}
+
+#[test]
 fn bars_and_line_breaks_in_names_do_not_break_the_table_of_winners() {
     let named = |device: &str, speed: f64| {
         let mut named = night(device, speed);

@@ -247,7 +247,7 @@ fn time_to_follows_the_direction_of_the_metric() {
 }
 
 #[test]
-fn a_mean_of_runs_that_did_not_cross_the_threshold_is_no_exact_number() {
+fn of_runs_that_did_not_cross_the_threshold_the_median_is_shown() {
     let value = TableValue::TimeTo {
         column: "rmse".to_owned(),
         threshold: 0.1,
@@ -257,8 +257,8 @@ fn a_mean_of_runs_that_did_not_cross_the_threshold_is_no_exact_number() {
     assert_eq!(
         table.rows[0].1[0],
         TableCell {
-            value: Some(2.0),
-            bound: Bound::Either,
+            value: Some(1.0),
+            bound: Bound::Upper,
             runs: 2,
             ..TableCell::default()
         }
