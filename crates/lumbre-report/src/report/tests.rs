@@ -164,7 +164,7 @@ fn picture(path: &Path) -> Result<Image, String> {
     let shift = repeat.unwrap_or(0);
     let error = if name.starts_with("bpt") { 2.0 } else { 1.0 } / samples.sqrt();
     Ok(Image::from_fn(40, 30, |x, y| {
-        let sign = if (x * 7 + y * 13 + shift) % 3 == 0 {
+        let sign = if (x * 7 + y * 13 + shift).is_multiple_of(3) {
             1.0
         } else {
             -0.5
