@@ -22,6 +22,7 @@ use lumbre_night::experiment::spec::{BiasCheckRequest, Point, ReferenceRequest, 
 use lumbre_night::experiment::{StopRule, WaveRow};
 use lumbre_render::Settings;
 use lumbre_render::settings::find::find_file;
+use lumbre_render::settings::named;
 
 /// Creates the metatable of points. Reading an axis that does not exist, and changing a point, are
 /// errors.
@@ -81,10 +82,12 @@ impl Script {
         })
     }
 
-    /// Returns the render table of a point, and the position of the render function.
+    /// Returns the render table of a point, with those settings of the command line that `is_for` it,
+    /// and the position of the render function.
     fn render_table(
         &self,
         point: &Point,
+        is_for: impl Fn(&str) -> bool,
     ) -> Result<(BTreeMap<String, Value>, SourcePlace), ScriptError> {
         let function = self
             .shared
@@ -98,7 +101,25 @@ impl Script {
         };
         let place = self.shared.function_place(&function);
         let returned = self.call("the render function", &function, point)?;
-        Ok((self.returned_fields(&returned, "render", &place)?, place))
+        let mut table = self.returned_fields(&returned, "render", &place)?;
+        self.override_settings(&mut table, point, is_for);
+        Ok((table, place))
+    }
+
+    /// Writes those settings of the command line into a render table that `is_for` it.
+    fn override_settings(
+        &self,
+        table: &mut BTreeMap<String, Value>,
+        point: &Point,
+        is_for: impl Fn(&str) -> bool,
+    ) {
+        let builder = self.shared.builder.borrow();
+        let axes = builder.axis_names();
+        for (name, value) in point {
+            if !axes.contains(&name.as_str()) && is_for(name) {
+                named::set(table, name, value.clone());
+            }
+        }
     }
 
     /// Converts the table that a function returned to its named fields.
@@ -287,7 +308,7 @@ impl Script {
         point: &Point,
     ) -> Result<(BTreeMap<String, Value>, Settings), ScriptError> {
         const PATH: &str = "reference.from";
-        let (own, own_place) = self.render_table(point)?;
+        let (own, own_place) = self.render_table(point, named::is_inherited)?;
         let Some(from) = from else {
             let own = unbiased(render::merge(&own, &BTreeMap::new()));
             let config = self.settings(&own, "render");
@@ -304,7 +325,9 @@ impl Script {
             true => own,
             false => unbiased(own),
         };
-        let merged = render::merge(&own, &overrides);
+        let mut merged = render::merge(&own, &overrides);
+        // Cell and reference show the same, whatever the script's function says.
+        self.override_settings(&mut merged, point, named::is_inherited);
         let config = self.settings(&merged, PATH).map_err(|e| {
             // A field that is not in the overrides comes from the render function.
             let field = e
@@ -537,7 +560,7 @@ impl ScriptHooks for Script {
     }
 
     fn render(&self, point: &Point) -> Result<Settings, HookError> {
-        hook_result(self.render_table(point).and_then(|(map, place)| {
+        hook_result(self.render_table(point, |_| true).and_then(|(map, place)| {
             self.settings(&map, "render")
                 .map_err(|e| self.locate_error(&place, e))
         }))

@@ -47,6 +47,7 @@ pub fn plan(axes: &[AxisValues], repeats: u32) -> Plan {
         name: "night".to_owned(),
         hash: "3f9a5b".to_owned(),
         seed: 1,
+        settings: Vec::new(),
         axes: axes.iter().map(|(name, _)| (*name).to_owned()).collect(),
         cells,
         references: Vec::new(),

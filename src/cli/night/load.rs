@@ -96,6 +96,7 @@ pub fn expand_plan(
     };
     let overrides = Overrides {
         axes: args.axes.clone(),
+        quick: args.quick,
         only: args.only.iter().flat_map(pairs).collect(),
         backend: global.backend.clone(),
         elsewhere,

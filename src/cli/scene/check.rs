@@ -74,8 +74,7 @@ fn check_lua(file: &Path, global: &Global) -> Result<Checked, Failure> {
     };
     let args = ScriptArgs {
         script: file.to_owned(),
-        axes: Vec::new(),
-        only: Vec::new(),
+        ..ScriptArgs::default()
     };
     let plan = load::expand_plan(&script, &args, global, false, global.allow_commands)?;
     load::print_notes_and_warnings(&plan, global.quiet);

@@ -14,6 +14,7 @@ use lumbre_night::experiment::plan::expand;
 use lumbre_night::experiment::spec::{MeasureSpec, ReferenceRequest, Snapshots};
 use lumbre_night::experiment::{ExperimentSpec, Overrides, Plan, Point, ScriptHooks, StopRule};
 use lumbre_render::Settings;
+use lumbre_render::settings::named;
 
 /// Key of the technique in render tables.
 const INTEGRATOR: &str = "integrator";
@@ -65,14 +66,12 @@ pub fn checked_settings(
     })
 }
 
-/// Returns the render table of a picture: options with a flag of their own, then `KEY=VALUE`. Keys
-/// with a dot are paths of values in the scene.
+/// Returns the render table of a picture: options with a flag of their own, then `KEY=VALUE`.
 ///
 /// # Errors
 /// Returns an error if a setting is given twice.
 pub fn picture_table(args: &PictureArgs) -> Result<BTreeMap<String, Value>, Failure> {
     let mut table = BTreeMap::new();
-    let mut set = BTreeMap::new();
     let scene = args.scene.file.to_string_lossy().into_owned();
     insert(&mut table, "scene", Value::Str(scene))?;
     if let Some(depth) = args.depth {
@@ -90,16 +89,12 @@ pub fn picture_table(args: &PictureArgs) -> Result<BTreeMap<String, Value>, Fail
         let options = Value::Map(options.iter().cloned().collect());
         insert(&mut table, "scene_options", options)?;
     }
-    for (key, value) in &args.settings {
-        let to = if key.contains('.') {
-            &mut set
-        } else {
-            &mut table
-        };
-        insert(to, key, value.clone())?;
-    }
-    if !set.is_empty() {
-        insert(&mut table, "set", Value::Map(set))?;
+    for (index, (key, value)) in args.settings.iter().enumerate() {
+        let is_twice = args.settings[..index].iter().any(|(other, _)| other == key);
+        if is_twice || table.contains_key(key) {
+            return Err(twice(key));
+        }
+        named::set(&mut table, key, value.clone());
     }
     Ok(table)
 }

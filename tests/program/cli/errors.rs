@@ -386,3 +386,18 @@ fn a_night_is_rendered_in_folders_whose_names_are_not_utf8() {
     assert!(ended.status.success(), "{error}");
     assert!(folder.join("out/latest/summary.csv").is_file());
 }
+
+#[test]
+fn settings_of_the_command_line_are_refused_by_name() {
+    let place = Workplace::new();
+    let error = refused(&place, &["plan", "night.lua", "maxdepth=3"]);
+    assert!(
+        error.contains("no axis or setting `maxdepth` (did you mean `max_depth`?)"),
+        "{error}"
+    );
+    let error = refused(&place, &["plan", "night.lua", "max_depth=0"]);
+    assert!(
+        error.contains("0 is out of range") && error.contains("max_depth = 0"),
+        "{error}"
+    );
+}

@@ -20,6 +20,7 @@ mod limits;
 mod nights;
 #[cfg(unix)]
 mod notices;
+mod overrides;
 #[cfg(unix)]
 mod plugins;
 mod reading;

@@ -91,6 +91,7 @@ pub(super) fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
         name: name.into(),
         hash: hash.into(),
         seed: 1,
+        settings: Vec::new(),
         axes: vec!["depth".into()],
         cells: ids.iter().enumerate().map(cell).collect(),
         references: vec![Reference {

@@ -5,6 +5,7 @@ mod camera;
 pub mod find;
 mod given;
 mod keys;
+pub mod named;
 mod stored;
 
 use std::collections::BTreeMap;

@@ -107,6 +107,10 @@ fn experiment(night: &Night, name: Option<&str>) -> String {
         format!(" on {}", devices.join(" and "))
     };
     let name = name.map_or(String::new(), |name| format!("{name}, "));
+    let given = match night.given_settings() {
+        given if given.is_empty() => given,
+        given => format!(" It was {given}."),
+    };
     let (machine, program) = match &night.machine {
         Some(m) => (
             format!(", {} with {} cores", m.os, m.cores),
@@ -115,7 +119,7 @@ fn experiment(night: &Night, name: Option<&str>) -> String {
         None => (String::new(), "an unknown version of lumbre".to_owned()),
     };
     format!(
-        "Experiment {} ({name}plan {}) was rendered with {program}{on}{machine}.",
+        "Experiment {} ({name}plan {}) was rendered with {program}{on}{machine}.{given}",
         night.plan.name,
         night.plan.hash.get(..8).unwrap_or(&night.plan.hash)
     )

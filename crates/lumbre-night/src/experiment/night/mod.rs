@@ -37,6 +37,8 @@ pub struct NightPlan {
     pub seed: u64,
     /// Axis names, slowest first.
     pub axes: Vec<String>,
+    /// Settings of the command line, such as `max_depth = 3`.
+    pub settings: Vec<String>,
     /// Whether cells differ in each axis, in the same order.
     pub varying: Vec<bool>,
     /// Whether any point is rendered more than once.
@@ -60,6 +62,7 @@ impl Default for NightPlan {
             hash: String::new(),
             seed: 0,
             axes: Vec::new(),
+            settings: Vec::new(),
             varying: Vec::new(),
             is_repeated: false,
             metrics: Vec::new(),
@@ -109,6 +112,16 @@ pub struct Night {
 }
 
 impl Night {
+    /// Describes the settings of the command line, such as `run with max_depth = 3 on the command
+    /// line`; empty without any.
+    pub fn given_settings(&self) -> String {
+        let given = &self.plan.settings;
+        if given.is_empty() {
+            return String::new();
+        }
+        format!("run with {} on the command line", given.join(", "))
+    }
+
     /// Returns all references, then all cells.
     pub fn all(&self) -> impl Iterator<Item = CellRef> + use<> {
         let (references, runs) = (self.references.len(), self.runs.len());

@@ -68,6 +68,7 @@ impl Night {
             hash: plan.hash.clone(),
             seed: plan.seed,
             axes: plan.axes.clone(),
+            settings: plan.settings.clone(),
             metrics: plan.measure.metrics.clone(),
             display: plan.measure.display,
             report: plan.report.clone(),

@@ -3,8 +3,10 @@
 use std::collections::BTreeSet;
 
 use super::PlanError;
-use crate::experiment::spec::{Axis, Point};
+use crate::experiment::spec::{Axis, MeasureSpec, Point};
+use crate::experiment::stop::StopRule;
 use lumbre_light::value::{Value, suggest};
+use lumbre_render::settings::named;
 
 /// Greatest number of cells in a plan.
 pub const MAX_CELLS: u64 = 1_000_000;
@@ -12,10 +14,14 @@ pub const MAX_CELLS: u64 = 1_000_000;
 /// Changes to a script's experiment by the command line.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Overrides {
-    /// New values for axes. Zipped axes are restricted to the steps that have one of the values.
+    /// New values for axes, and values of settings that are no axes. Zipped axes are restricted to the
+    /// steps that have one of the values. A setting becomes an axis, the last one, whose values
+    /// replace what the script's functions return.
     pub axes: Vec<(String, Vec<Value>)>,
     /// Selected points: a point must match one of the values of every axis named here.
     pub only: Vec<(String, Value)>,
+    /// Whether pictures have an eighth of the pixels, and runs a sixteenth of the time and samples.
+    pub quick: bool,
     /// Backend that replaces the script's, for cells and references.
     pub backend: Option<String>,
     /// Whether the plan is for other machines, so that backends need not be usable on this one.
@@ -23,6 +29,33 @@ pub struct Overrides {
     /// Whether commands of the script may run. Otherwise the versions of its external techniques
     /// remain unknown, and nothing of them can be rendered.
     pub commands: bool,
+}
+
+/// Description of [`Overrides::quick`].
+pub(super) const QUICK: &str = "--quick (an eighth of the pixels, a sixteenth of the time)";
+
+impl Overrides {
+    /// Returns the stop rule of a run by the script's.
+    pub(super) fn stop(&self, rule: StopRule) -> StopRule {
+        if self.quick { rule.divided(16) } else { rule }
+    }
+
+    /// Returns the measurements of a run by the script's.
+    pub(super) fn measure(&self, measure: &MeasureSpec) -> MeasureSpec {
+        let mut measure = measure.clone();
+        if self.quick {
+            measure.every_s /= 16.0;
+        }
+        measure
+    }
+
+    /// Returns the resolution of pictures by the script's or the scene's.
+    pub(super) fn resolution(&self, sides: [u32; 2]) -> [u32; 2] {
+        if !self.quick {
+            return sides;
+        }
+        sides.map(|side| ((f64::from(side) / 8f64.sqrt()).round() as u32).max(side.min(1)))
+    }
 }
 
 /// Applies overrides and selections to the axes and checks the result.
@@ -34,7 +67,21 @@ pub(super) fn select(
     let mut axes = axes.to_vec();
     check_names(&axes)?;
     for (name, values) in &overrides.axes {
-        replace(&mut axes, name, values)?;
+        let has = |name: &str| axes.iter().any(|axis| axis.names.iter().any(|n| n == name));
+        // Two names of the same, of which a script's axis may have either.
+        let name = match name.as_str() {
+            "technique" if !has(name) && has("integrator") => "integrator",
+            "integrator" if !has(name) && has("technique") => "technique",
+            name => name,
+        };
+        if has(name) || !named::is_setting(name) {
+            replace(&mut axes, name, values)?;
+        } else {
+            axes.push(Axis {
+                names: vec![name.to_owned()],
+                steps: values.iter().map(|value| vec![value.clone()]).collect(),
+            });
+        }
     }
     axes.iter().try_for_each(check_steps)?;
     keep_only(&mut axes, &overrides.only)?;
@@ -109,7 +156,16 @@ fn check_steps(axis: &Axis) -> Result<(), PlanError> {
 }
 
 fn replace(axes: &mut [Axis], name: &str, values: &[Value]) -> Result<(), PlanError> {
-    let (axis, column) = find(axes, name)?;
+    let (axis, column) = find(axes, name).map_err(|error| {
+        match suggest::nearest(name, named::names()) {
+            // An axis of the script is nearer than a setting.
+            Some(near) if nearest_axis(axes, name).is_none() => PlanError::UnknownSetting {
+                name: name.to_owned(),
+                near,
+            },
+            _ => error,
+        }
+    })?;
     let axis = &mut axes[axis];
     if values.is_empty() {
         return Err(PlanError::EmptyAxis {
@@ -187,6 +243,12 @@ fn check_size(axes: &[Axis], repeats: u32) -> Result<(), PlanError> {
         factors: factors.join(" x "),
         limit: MAX_CELLS,
     })
+}
+
+/// Returns the axis with the name that is most similar to another one, if any is.
+fn nearest_axis<'a>(axes: &'a [Axis], name: &str) -> Option<&'a str> {
+    let names = axes.iter().flat_map(|axis| &axis.names);
+    suggest::nearest(name, names.map(String::as_str))
 }
 
 /// Finds an axis by name: its index, and the index of the name among zipped axes.

@@ -41,6 +41,14 @@ pub enum PlanError {
         /// The most similar axis, or the existing ones.
         help: String,
     },
+    /// An override names neither an axis nor a setting.
+    #[error("there is no axis or setting `{name}` (did you mean `{near}`?)")]
+    UnknownSetting {
+        /// Name as given.
+        name: String,
+        /// The most similar setting.
+        near: &'static str,
+    },
     /// A selection or an override of zipped axes names a value that the axis does not have.
     #[error("axis `{axis}` has no value `{value}` ({help})")]
     UnknownValue {

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use super::axes::{self, Overrides, describe};
+use super::axes::{self, Overrides, QUICK, describe};
 use super::cell_identity::CellIdentity;
 use super::path::Paths;
 use super::resolve::{LoadScene, Renderable, Resolver};
@@ -14,7 +14,7 @@ use super::{
 use crate::experiment::hook_error::HookError;
 use crate::experiment::shards;
 use crate::experiment::spec::{
-    BiasCheckRequest, ExperimentSpec, Point, ReferenceRequest, ScriptHooks,
+    Axis, BiasCheckRequest, ExperimentSpec, Point, ReferenceRequest, ScriptHooks,
 };
 use crate::experiment::stop::StopRule;
 use lumbre_light::transport::integrator::{bias_of, integrator};
@@ -37,11 +37,30 @@ pub fn expand(
     load_scene: &mut LoadScene<'_>,
 ) -> Result<Plan, PlanError> {
     let axes = axes::select(&spec.axes, overrides, spec.repeats)?;
+    let names = axes.iter().flat_map(|axis| axis.names.iter().cloned());
     let mut builder = Builder::new(spec, hooks, overrides, load_scene);
+    builder.axes = names.collect();
+    builder.settings = given_settings(&axes, spec, overrides.quick);
     for point in axes::points(&axes) {
         builder.add(point)?;
     }
     Ok(builder.finish())
+}
+
+/// Describes the axes that the script does not declare, which are settings of the command line.
+fn given_settings(axes: &[Axis], spec: &ExperimentSpec, quick: bool) -> Vec<String> {
+    let declared = |name: &String| spec.axes.iter().any(|axis| axis.names.contains(name));
+    let given = axes.iter().filter(|axis| !axis.names.iter().any(declared));
+    let describe = |axis: &Axis| {
+        let values = axis.steps.iter().flatten().map(Value::to_string);
+        let values: Vec<String> = values.collect();
+        format!("{} = {}", axis.names.join(", "), values.join(", "))
+    };
+    let mut settings: Vec<String> = given.map(describe).collect();
+    if quick {
+        settings.push(QUICK.to_owned());
+    }
+    settings
 }
 
 /// A resolved point whose cells are still to be made.
@@ -60,6 +79,10 @@ struct Builder<'a> {
     hooks: &'a dyn ScriptHooks,
     overrides: &'a Overrides,
     resolver: Resolver<'a>,
+    /// Names of the axes, slowest first.
+    axes: Vec<String>,
+    /// Settings of the command line.
+    settings: Vec<String>,
     columns: Vec<String>,
     /// Canonical forms of the measurements, without and with a reference.
     measure: [Arc<Value>; 2],
@@ -92,14 +115,20 @@ impl<'a> Builder<'a> {
             hooks,
             overrides,
             resolver: Resolver::new(load, overrides),
+            axes: Vec::new(),
+            settings: Vec::new(),
             columns: spec
                 .measure
                 .metrics
                 .iter()
                 .map(|metric| metric.column.clone())
                 .collect(),
-            measure: [false, true]
-                .map(|measured| Arc::new(identity::measure(&spec.measure, measured))),
+            measure: [false, true].map(|measured| {
+                Arc::new(identity::measure(
+                    &overrides.measure(&spec.measure),
+                    measured,
+                ))
+            }),
             paths: Paths::default(),
             pending: Vec::new(),
             cells: Vec::new(),
@@ -143,6 +172,7 @@ impl<'a> Builder<'a> {
             .hooks
             .stop(&point)
             .map_err(|e| hook("`stop`", &point, e))?;
+        let stop = self.overrides.stop(stop);
         stop.validate(&self.spec.measure.metrics, reference.is_some())
             .map_err(|error| PlanError::Stop {
                 rule: "stop rule",
@@ -260,10 +290,12 @@ impl<'a> Builder<'a> {
             }
         }
         let seeds = identity::reference_seeds();
+        let stop = self.overrides.stop(stop);
         let reference = self.rendered_reference(*config, stop, shards, seeds, cell, point)?;
         let index = self.add_reference(reference);
         if let Some(BiasCheckRequest { config, stop, rate }) = bias_check.map(|check| *check) {
             // A second picture with a time limit cannot be split into shards.
+            let stop = self.overrides.stop(stop);
             let shards = if let StopRule::Samples(_) = stop {
                 shards
             } else {
@@ -420,12 +452,8 @@ impl<'a> Builder<'a> {
             name: self.spec.name.clone(),
             hash: String::new(),
             seed: self.spec.seed,
-            axes: self
-                .spec
-                .axes
-                .iter()
-                .flat_map(|axis| axis.names.iter().cloned())
-                .collect(),
+            settings: self.settings,
+            axes: self.axes,
             cells: self.cells,
             references: self.references,
             skipped: self.skipped,
@@ -444,7 +472,7 @@ impl<'a> Builder<'a> {
                 .collect(),
             commands_allowed: self.overrides.commands,
             warnings,
-            measure: self.spec.measure.clone(),
+            measure: self.overrides.measure(&self.spec.measure),
             night: self.spec.night.clone(),
             figures: self.spec.figures.clone(),
             tables: self.spec.tables.clone(),

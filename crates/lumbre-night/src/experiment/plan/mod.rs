@@ -216,6 +216,8 @@ pub struct Plan {
     pub seed: u64,
     /// Axis names, slowest first.
     pub axes: Vec<String>,
+    /// Settings of the command line, such as `max_depth = 3`.
+    pub settings: Vec<String>,
     /// Cells in the order of the sweep.
     pub cells: Vec<Cell>,
     /// References that the cells need, and second pictures of bias checks, without repetition.

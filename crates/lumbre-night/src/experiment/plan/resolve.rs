@@ -63,10 +63,7 @@ type Edited = (Arc<SceneDesc>, [u8; 32]);
 /// one reading of each file and one probe of each backend.
 pub(super) struct Resolver<'a> {
     load: &'a mut LoadScene<'a>,
-    /// Whether other machines render the plan, so that backends are not probed here.
-    elsewhere: bool,
-    /// Whether commands of the script may run.
-    allow_commands: bool,
+    overrides: &'a Overrides,
     /// Scenes by file and hash of their options.
     files: BTreeMap<(PathBuf, [u8; 32]), Arc<SceneDesc>>,
     /// Scenes with changes applied, by file, hash of options and hash of changes.
@@ -90,11 +87,10 @@ pub(super) struct Resolver<'a> {
 }
 
 impl<'a> Resolver<'a> {
-    pub(super) fn new(load: &'a mut LoadScene<'a>, overrides: &Overrides) -> Resolver<'a> {
+    pub(super) fn new(load: &'a mut LoadScene<'a>, overrides: &'a Overrides) -> Resolver<'a> {
         Resolver {
             load,
-            elsewhere: overrides.elsewhere,
-            allow_commands: overrides.commands,
+            overrides,
             files: BTreeMap::new(),
             edited: BTreeMap::new(),
             backends: BTreeMap::new(),
@@ -131,7 +127,10 @@ impl<'a> Resolver<'a> {
         }
         self.resolve_backend(&mut config, peer.is_some(), point)?;
         let (scene, hash) = self.scene(&config, point)?;
-        let (resolution, max_depth) = size_and_depth(&config, &scene, point)?;
+        let sides = config.resolution.unwrap_or(scene.resolution);
+        let resolution = self.overrides.resolution(sides);
+        let max_depth = config.max_depth.unwrap_or(scene.max_depth);
+        check_size_and_depth(resolution, max_depth, point)?;
         check_backend(&mut config, row, &scene, point)?;
         let [width, height] = resolution;
         let pixels = u64::from(width) * u64::from(height);
@@ -234,7 +233,7 @@ impl<'a> Resolver<'a> {
         if let Some(reason) = reason {
             return Err(refused(reason));
         }
-        let may_run = !is_declared(row) || self.allow_commands;
+        let may_run = !is_declared(row) || self.overrides.commands;
         let (command, version) = technique.command_lines();
         let found = match &version {
             Some(words) if may_run => self.version(words, &technique, config)?,
@@ -373,7 +372,7 @@ impl<'a> Resolver<'a> {
 
     /// Checks once that this machine can use a backend, if it is to render the plan.
     fn probe(&mut self, row: &'static BackendRow, point: &Point) -> Result<(), PlanError> {
-        if !self.elsewhere && !self.usable.contains(row.name) {
+        if !self.overrides.elsewhere && !self.usable.contains(row.name) {
             (row.probe)().map_err(|reason| PlanError::UnusableBackend {
                 point: describe(point),
                 name: row.name.to_owned(),
@@ -409,14 +408,12 @@ fn sampler_row(name: &str, point: &Point) -> Result<&'static SamplerRow, PlanErr
     })
 }
 
-/// Returns the resolution and the greatest number of path edges: those of the configuration or else
-/// of the scene.
-fn size_and_depth(
-    config: &Settings,
-    scene: &SceneDesc,
+/// Checks the resolution and the greatest number of path edges.
+fn check_size_and_depth(
+    [width, height]: [u32; 2],
+    max_depth: u32,
     point: &Point,
-) -> Result<([u32; 2], u32), PlanError> {
-    let [width, height] = config.resolution.unwrap_or(scene.resolution);
+) -> Result<(), PlanError> {
     if !(1..=MAX_PIXELS).contains(&(u64::from(width) * u64::from(height))) {
         return Err(PlanError::Resolution {
             point: describe(point),
@@ -425,13 +422,12 @@ fn size_and_depth(
             limit: MAX_PIXELS,
         });
     }
-    let max_depth = config.max_depth.unwrap_or(scene.max_depth);
     if max_depth == 0 {
         return Err(PlanError::NoDepth {
             point: describe(point),
         });
     }
-    Ok(([width, height], max_depth))
+    Ok(())
 }
 
 /// Checks that the backend can render the run. With `auto`, a run that the backend cannot render is

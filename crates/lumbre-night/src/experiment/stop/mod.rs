@@ -107,6 +107,24 @@ impl StopRule {
         }
     }
 
+    /// Returns the rule with this part of its times, samples and waves, at least one of each.
+    /// Thresholds of metrics and functions of the script stay.
+    pub fn divided(self, by: u64) -> StopRule {
+        let all = |parts: Vec<StopRule>| parts.into_iter().map(|part| part.divided(by)).collect();
+        match self {
+            StopRule::Time(seconds) => StopRule::Time(seconds / by as f64),
+            StopRule::Samples(samples) => StopRule::Samples(samples.div_ceil(by)),
+            StopRule::Waves(waves) => StopRule::Waves(waves.div_ceil(by)),
+            StopRule::Any(parts) => StopRule::Any(all(parts)),
+            StopRule::All(parts) => StopRule::All(all(parts)),
+            StopRule::Not(part) => StopRule::Not(Box::new(part.divided(by))),
+            StopRule::When { .. }
+            | StopRule::Plateau { .. }
+            | StopRule::Nan(_)
+            | StopRule::Predicate(_) => self,
+        }
+    }
+
     /// Evaluates the rule after the measurements `rows`, oldest first. Returns the clause that
     /// holds, or `None` if none does.
     ///

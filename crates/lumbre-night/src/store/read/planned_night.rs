@@ -65,6 +65,7 @@ pub(crate) fn planned_night(files: &NightReader) -> Night {
         hash: plan.hash.clone(),
         seed: plan.seed,
         axes: plan.axes.clone(),
+        settings: plan.settings.clone(),
         metrics,
         display: display.unwrap_or(defaults.display),
         report: plan.report.as_ref().map(presentation).unwrap_or_default(),

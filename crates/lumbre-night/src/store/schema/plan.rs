@@ -72,6 +72,9 @@ records! {
         pub seed: u64,
         /// Names of the axes, slowest first.
         pub axes: Vec<String>,
+        /// Settings of the command line, such as `max_depth = 3`. Only if there are any.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        pub settings: Vec<String>,
         /// Settings of the night.
         pub night: NightSettings,
         /// Metrics and their interval.

@@ -39,6 +39,7 @@ pub fn plan_file(plan: &Plan) -> PlanFile {
         hash: plan.hash.clone(),
         seed: plan.seed,
         axes: plan.axes.clone(),
+        settings: plan.settings.clone(),
         night: NightSettings {
             order: plan.night.order.name().to_owned(),
             warmup: plan.night.warmup.map(|warmup| warmup.describe()),

@@ -297,6 +297,7 @@ fn night_facts(night: &Night, name: Option<&str>, context: &ReportContext) -> Ma
         ),
         program.to_owned(),
         date.to_owned(),
+        night.given_settings(),
     ];
     html! {
         p.meta {

@@ -106,6 +106,7 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
         name: "first_light".to_owned(),
         hash: "3f9a2b1c00".to_owned(),
         seed: 1,
+        settings: Vec::new(),
         axes: vec!["depth".to_owned(), "aa".to_owned()],
         cells,
         references: vec![Reference {
