@@ -34,6 +34,44 @@ pub struct Fields {
     pub extra: Vec<(String, Lua)>,
 }
 
+impl Fields {
+    /// Returns a number; `None` if it is not given.
+    pub fn f64(&self, key: &str) -> Option<f64> {
+        self.values.get(key).and_then(Value::as_f64)
+    }
+
+    /// Returns a number in single precision; `None` if it is not given.
+    pub fn f32(&self, key: &str) -> Option<f32> {
+        self.f64(key).map(|x| x as f32)
+    }
+
+    /// Returns an integer; `None` if it is not given.
+    pub fn i64(&self, key: &str) -> Option<i64> {
+        self.values.get(key).and_then(Value::as_i64)
+    }
+
+    /// Returns a text; `None` if it is not given.
+    pub fn text(&self, key: &str) -> Option<&str> {
+        self.values.get(key).and_then(Value::as_str)
+    }
+
+    /// Returns whether a field is `true`.
+    pub fn is_true(&self, key: &str) -> bool {
+        self.values.get(key) == Some(&Value::Bool(true))
+    }
+
+    /// Returns a list of numbers; `None` if it is not given.
+    pub fn numbers<const N: usize>(&self, key: &str) -> Option<[f32; N]> {
+        self.values.get(key).map(numbers)
+    }
+}
+
+/// Returns the numbers of a list that was checked against its schema.
+pub fn numbers<const N: usize>(value: &Value) -> [f32; N] {
+    let items = value.as_list().unwrap_or_default();
+    std::array::from_fn(|i| items.get(i).and_then(Value::as_f64).unwrap_or_default() as f32)
+}
+
 /// State of one conversion.
 #[derive(Default)]
 struct Reader {

@@ -1,7 +1,6 @@
 //! `experiment(..)`, and the methods `x:skip`, `x:render` and `x:stop`.
 
 use std::collections::BTreeMap;
-use std::rc::Rc;
 
 use mlua::{Lua, Value as LuaValue};
 
@@ -15,7 +14,6 @@ use crate::error::ScriptError;
 use crate::source::SourcePlace;
 use crate::state::{Purpose, Shared};
 use crate::strict;
-use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, Table, Ty};
 use lumbre_night::experiment::spec::Order;
 
@@ -147,78 +145,56 @@ const RULE_METHODS: &[ApiFn] = &[ApiFn {
     call: stop,
 }];
 
-fn experiment(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 2)?;
-    let name = args.text(shared, 0, "name")?;
+fn experiment(args: &Args) -> Result<LuaValue, ScriptError> {
+    let name = args.text(0, "name")?;
     let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
     if name.is_empty() || name.len() > 64 || !name.chars().all(legal) {
         let help = "use at most 64 letters, digits, `_` and `-`: it becomes the name of a \
                     folder"
             .to_owned();
-        return Err(args.error(
-            shared,
-            format!("`{name}` cannot name an experiment"),
-            Some(help),
-        ));
+        return Err(args.error(format!("`{name}` cannot name an experiment"), Some(help)));
     }
     if let Some(Head {
         place: SourcePlace { line, .. },
         ..
-    }) = &shared.builder.borrow().head
+    }) = &args.shared.builder.borrow().head
     {
         return Err(args.error(
-            shared,
             format!("a script describes one experiment; the first is in line {line}"),
             None,
         ));
     }
-    if let Purpose::Scene { .. } = shared.purpose {
+    if let Purpose::Scene { .. } = args.shared.purpose {
         let help =
             Some("`lumbre run` runs an experiment; its scenes are files of their own".to_owned());
-        return Err(args.error(shared, "a scene file cannot create an experiment", help));
+        return Err(args.error("a scene file cannot create an experiment", help));
     }
-    if !shared.loading.get() {
-        return Err(args.error(
-            shared,
-            "call experiment(..) only while the script is loaded",
-            None,
-        ));
+    if !args.shared.loading.get() {
+        return Err(args.error("call experiment(..) only while the script is loaded", None));
     }
-    let fields = match args.get(1) {
-        LuaValue::Nil => strict::Fields::default(),
-        LuaValue::Table(t) => strict::fields(&t, &EXPERIMENT, "experiment", false)
-            .map_err(|e| args.locate_error(shared, e))?,
-        _ => return Err(args.wrong(shared, 1, "options", "a table such as { seed = 1 }")),
-    };
-    declare(shared, lua, args, name, &fields)
+    let fields = args.options(1, &EXPERIMENT, "experiment", "{ seed = 1 }")?;
+    declare(args, name, &fields)
 }
 
 /// Stores name and checked options of the experiment and returns its Lua object.
-fn declare(
-    shared: &Rc<Shared>,
-    lua: &Lua,
-    args: &Args,
-    name: String,
-    fields: &strict::Fields,
-) -> Result<LuaValue, ScriptError> {
-    let integer = |key: &str| fields.values.get(key).and_then(Value::as_i64);
-    let object = super::method_object(lua, shared, METHODS.iter().copied().flatten(), "x")
-        .map_err(|e| shared.convert(&e))?;
+fn declare(args: &Args, name: String, fields: &strict::Fields) -> Result<LuaValue, ScriptError> {
+    let integer = |key: &str| fields.i64(key);
+    let object = super::method_object(
+        &args.lua,
+        &args.shared,
+        METHODS.iter().copied().flatten(),
+        "x",
+    )
+    .map_err(|e| args.shared.convert(&e))?;
     // An empty table was converted to a list, which has no map.
     let none = BTreeMap::new();
     let warmup = fields
         .values
         .get("warmup")
         .map(|value| night::warmup(value.as_map().unwrap_or(&none)));
-    let warmup = warmup
-        .transpose()
-        .map_err(|e| args.locate_error(shared, e))?;
-    let order = fields
-        .values
-        .get("order")
-        .and_then(Value::as_str)
-        .and_then(Order::from_name);
-    let mut builder = shared.builder.borrow_mut();
+    let warmup = warmup.transpose().map_err(|e| args.locate_error(e))?;
+    let order = fields.text("order").and_then(Order::from_name);
+    let mut builder = args.shared.builder.borrow_mut();
     (builder.night.order, builder.night.warmup) = (order.unwrap_or(Order::Interleave), warmup);
     builder.head = Some(Head {
         name,
@@ -232,50 +208,45 @@ fn declare(
     Ok(LuaValue::Table(object))
 }
 
-fn skip(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 2)?;
-    let reason = args.text(shared, 0, "reason")?;
-    let rule = args.function(shared, 1, "rule")?;
+fn skip(args: &Args) -> Result<LuaValue, ScriptError> {
+    let reason = args.text(0, "reason")?;
+    let rule = args.function(1, "rule")?;
     if reason.trim().is_empty() || reason.len() > 300 {
         return Err(args.error(
-            shared,
             "the reason must have 1 to 300 characters, since the plan prints it",
             None,
         ));
     }
-    let mut builder = shared.builder.borrow_mut();
+    let mut builder = args.shared.builder.borrow_mut();
     if builder.skips.len() >= MAX_SKIPS {
-        return Err(args.error(shared, format!("more than {MAX_SKIPS} skip rules"), None));
+        return Err(args.error(format!("more than {MAX_SKIPS} skip rules"), None));
     }
     builder.skips.push((reason, rule));
     Ok(LuaValue::Nil)
 }
 
-fn render(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let function = args.function(shared, 0, "f")?;
-    let mut builder = shared.builder.borrow_mut();
-    args.only_once(shared, builder.render.as_ref().map(|(_, place)| place))?;
+fn render(args: &Args) -> Result<LuaValue, ScriptError> {
+    let function = args.function(0, "f")?;
+    let mut builder = args.shared.builder.borrow_mut();
+    args.only_once(builder.render.as_ref().map(|(_, place)| place))?;
     builder.render = Some((function, args.place.clone()));
     Ok(LuaValue::Nil)
 }
 
-fn stop(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
+fn stop(args: &Args) -> Result<LuaValue, ScriptError> {
     let stop = match (args.get(0), rule_from_value(&args.get(0))) {
         (_, Some(rule)) => Stop::Rule(rule),
         (LuaValue::Function(f), None) => Stop::Function(f),
         _ => {
             return Err(args.wrong(
-                shared,
                 0,
                 "rule",
                 "a stop rule such as stop.samples(256), or a function",
             ));
         }
     };
-    let mut builder = shared.builder.borrow_mut();
-    args.only_once(shared, builder.stop.as_ref().map(|(_, place)| place))?;
+    let mut builder = args.shared.builder.borrow_mut();
+    args.only_once(builder.stop.as_ref().map(|(_, place)| place))?;
     builder.stop = Some((stop, args.place.clone()));
     Ok(LuaValue::Nil)
 }

@@ -1,15 +1,13 @@
 //! `external`: another renderer as a technique.
 
 use std::collections::BTreeMap;
-use std::rc::Rc;
 
-use mlua::{Lua, Value as LuaValue};
+use mlua::Value as LuaValue;
 
 use super::render_schema::RENDER;
 use super::{ApiFn, Args, Param};
 use crate::error::ScriptError;
 use crate::state::{Purpose, Shared};
-use crate::strict;
 use lumbre_light::transport::integrator::external::PREFIX;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::SchemaError;
@@ -33,29 +31,28 @@ pub const GLOBALS: &[ApiFn] = &[ApiFn {
     call: external,
 }];
 
-fn external(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    if !shared.loading.get() || !matches!(shared.purpose, Purpose::Experiment) {
+fn external(args: &Args) -> Result<LuaValue, ScriptError> {
+    if !args.shared.loading.get() || !matches!(args.shared.purpose, Purpose::Experiment) {
         let problem = "called outside the loading of an experiment";
         let help = "declare the technique at the top of the script, and use its name in functions";
-        return Err(args.error(shared, problem, Some(help.to_owned())));
+        return Err(args.error(problem, Some(help.to_owned())));
     }
-    let table = args.table(shared, 0, "options")?;
-    let options = strict::fields(&table, &EXTERNAL, "external", false)
-        .map_err(|e| args.locate_error(shared, e))?
-        .values;
-    let (name, params) = parameters(options, shared).map_err(|e| args.locate_error(shared, e))?;
-    Technique::declared(&name, &params).map_err(|problem| args.error(shared, problem, None))?;
-    let mut builder = shared.builder.borrow_mut();
+    let options = args.fields(0, "options", &EXTERNAL, "external")?.values;
+    let (name, params) = parameters(options, &args.shared).map_err(|e| args.locate_error(e))?;
+    Technique::declared(&name, &params).map_err(|problem| args.error(problem, None))?;
+    let mut builder = args.shared.builder.borrow_mut();
     match builder.externals.get(&name) {
         Some(known) if *known != params => {
             let problem = format!("`{name}` is declared twice, with different options");
             let help = "give each its own name, or use `params` for what differs".to_owned();
-            return Err(args.error(shared, problem, Some(help)));
+            return Err(args.error(problem, Some(help)));
         }
         _ => builder.externals.insert(name.clone(), params),
     };
-    let name = lua.create_string(&name).map_err(|e| shared.convert(&e))?;
+    let name = args
+        .lua
+        .create_string(&name)
+        .map_err(|e| args.shared.convert(&e))?;
     Ok(LuaValue::String(name))
 }
 

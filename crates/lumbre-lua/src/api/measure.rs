@@ -10,7 +10,6 @@ use super::axis::is_name;
 use super::{ApiFn, Args, Param};
 use crate::error::ScriptError;
 use crate::kind::{KIND, kind};
-use crate::source::SourcePlace;
 use crate::state::Shared;
 use crate::strict;
 use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, duration_s, unknown_name};
@@ -238,18 +237,11 @@ pub fn default_measure() -> MeasureSpec {
     }
 }
 
-fn measure(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let table = args.table(shared, 0, "options")?;
-    let spec = read_measure(&table).map_err(|e| args.locate_error(shared, e))?;
-    let mut builder = shared.builder.borrow_mut();
-    if let Some((_, SourcePlace { line, .. })) = &builder.measure {
-        return Err(args.error(
-            shared,
-            format!("called twice: the first call is in line {line}"),
-            None,
-        ));
-    }
+fn measure(args: &Args) -> Result<LuaValue, ScriptError> {
+    let table = args.table(0, "options")?;
+    let spec = read_measure(&table).map_err(|e| args.locate_error(e))?;
+    let mut builder = args.shared.builder.borrow_mut();
+    args.only_once(builder.measure.as_ref().map(|(_, place)| place))?;
     builder.measure = Some((spec, args.place.clone()));
     Ok(LuaValue::Nil)
 }

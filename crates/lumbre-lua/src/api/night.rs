@@ -2,13 +2,11 @@
 //! check.
 
 use std::collections::BTreeMap;
-use std::rc::Rc;
 
-use mlua::{Lua, Value as LuaValue};
+use mlua::Value as LuaValue;
 
 use super::{ApiFn, Args, Param};
 use crate::error::ScriptError;
-use crate::state::Shared;
 use crate::strict;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, duration_s};
@@ -86,51 +84,44 @@ pub const METHODS: &[ApiFn] = &[
 ];
 
 /// Returns the only argument as plain data.
-fn one_value(args: &Args, shared: &Rc<Shared>) -> Result<Value, ScriptError> {
-    args.at_most(shared, 1)?;
+fn one_value(args: &Args) -> Result<Value, ScriptError> {
     let found = args.get(0);
-    strict::read(&found, args.name, args.name).map_err(|e| args.locate_error(shared, e))
+    strict::read(&found, args.name, args.name).map_err(|e| args.locate_error(e))
 }
 
-fn checkpoint(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    let every = duration_s(&one_value(args, shared)?).filter(|seconds| *seconds > 0.0);
+fn checkpoint(args: &Args) -> Result<LuaValue, ScriptError> {
+    let every = duration_s(&one_value(args)?).filter(|seconds| *seconds > 0.0);
     let Some(every) = every else {
-        return Err(args.error(shared, "expected a duration above 0, such as \"60s\"", None));
+        return Err(args.error("expected a duration above 0, such as \"60s\"", None));
     };
-    shared.builder.borrow_mut().night.checkpoint_s = Some(every);
+    args.shared.builder.borrow_mut().night.checkpoint_s = Some(every);
     Ok(LuaValue::Nil)
 }
 
-fn deadline(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    let Some(deadline) = Deadline::parse(&one_value(args, shared)?) else {
+fn deadline(args: &Args) -> Result<LuaValue, ScriptError> {
+    let Some(deadline) = Deadline::parse(&one_value(args)?) else {
         let problem = "expected a time of day such as \"08:00\" or a length such as \"7.5h\"";
-        return Err(args.error(shared, problem, None));
+        return Err(args.error(problem, None));
     };
-    shared.builder.borrow_mut().night.deadline = Some(deadline);
+    args.shared.builder.borrow_mut().night.deadline = Some(deadline);
     Ok(LuaValue::Nil)
 }
 
-fn control(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
+fn control(args: &Args) -> Result<LuaValue, ScriptError> {
     let which = match args.get(0) {
         LuaValue::Nil => None,
         LuaValue::Function(f) => Some(f),
         _ => {
             return Err(args.wrong(
-                shared,
                 0,
                 "which",
                 "a function that returns true for the points to check",
             ));
         }
     };
-    let mut builder = shared.builder.borrow_mut();
+    let mut builder = args.shared.builder.borrow_mut();
     if builder.aa_check.is_some() {
-        return Err(args.error(
-            shared,
-            "called twice; an experiment has one A/A check",
-            None,
-        ));
+        return Err(args.error("called twice; an experiment has one A/A check", None));
     }
     builder.aa_check = Some(which);
     Ok(LuaValue::Nil)

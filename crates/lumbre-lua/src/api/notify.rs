@@ -1,13 +1,10 @@
 //! `x:notify`: a command that runs at the end of a night, at failures and at alarms.
 
-use std::rc::Rc;
-
-use mlua::{Lua, Value as LuaValue};
+use mlua::Value as LuaValue;
 
 use super::{ApiFn, Args, Param};
 use crate::error::ScriptError;
-use crate::state::Shared;
-use crate::strict;
+use crate::strict::Fields;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, duration_s};
 use lumbre_night::experiment::spec::{NOTICE_PLACEHOLDERS, Notice, NoticeEvent};
@@ -62,25 +59,22 @@ pub const METHODS: &[ApiFn] = &[ApiFn {
     call: notify,
 }];
 
-fn notify(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let table = args.table(shared, 0, "options")?;
-    let notice = strict::fields(&table, &NOTIFY, "notify", false)
-        .and_then(|fields| notice(&fields))
-        .map_err(|e| args.locate_error(shared, e))?;
-    shared.builder.borrow_mut().night.notices.push(notice);
+fn notify(args: &Args) -> Result<LuaValue, ScriptError> {
+    let fields = args.fields(0, "options", &NOTIFY, "notify")?;
+    let notice = notice(&fields).map_err(|e| args.locate_error(e))?;
+    args.shared.builder.borrow_mut().night.notices.push(notice);
     Ok(LuaValue::Nil)
 }
 
 /// Converts checked options.
-fn notice(fields: &strict::Fields) -> Result<Notice, SchemaError> {
+fn notice(fields: &Fields) -> Result<Notice, SchemaError> {
     let fail = |key: &str, problem: String| SchemaError {
         path: format!("notify.{key}"),
         problem,
         help: None,
         key: key.to_owned(),
     };
-    let line = fields.values.get("command").and_then(Value::as_str);
+    let line = fields.text("command");
     let command = words::split(line.unwrap_or_default())
         .and_then(|command| words::check(&command, &NOTICE_PLACEHOLDERS).map(|()| command))
         .map_err(|problem| fail("command", problem))?;

@@ -1,13 +1,11 @@
 //! `x:report`: how figures, tables and reports present the results.
 
 use std::collections::BTreeMap;
-use std::rc::Rc;
 
-use mlua::{Lua, Value as LuaValue};
+use mlua::Value as LuaValue;
 
 use super::{ApiFn, Args, Param};
 use crate::error::ScriptError;
-use crate::state::Shared;
 use crate::strict;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
@@ -62,9 +60,8 @@ pub const METHODS: &[ApiFn] = &[ApiFn {
     call: report,
 }];
 
-fn report(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let options = args.table(shared, 0, "options")?;
+fn report(args: &Args) -> Result<LuaValue, ScriptError> {
+    let options = args.table(0, "options")?;
     let read = || -> Result<Presentation, SchemaError> {
         let fields = strict::fields(&options, &PRESENTATION, "report", false)?;
         let value = |key: &str| fields.values.get(key);
@@ -84,9 +81,9 @@ fn report(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptE
             })?,
         })
     };
-    let presentation = read().map_err(|e| args.locate_error(shared, e))?;
-    let mut builder = shared.builder.borrow_mut();
-    args.only_once(shared, builder.report.as_ref().map(|(_, place)| place))?;
+    let presentation = read().map_err(|e| args.locate_error(e))?;
+    let mut builder = args.shared.builder.borrow_mut();
+    args.only_once(builder.report.as_ref().map(|(_, place)| place))?;
     builder.report = Some((presentation, args.place.clone()));
     Ok(LuaValue::Nil)
 }

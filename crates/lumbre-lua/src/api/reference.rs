@@ -1,17 +1,15 @@
 //! `x:reference`: a rendered reference with an optional bias check, or an image file.
 
 use std::collections::BTreeMap;
-use std::rc::Rc;
 
-use mlua::{Function, Lua, Value as LuaValue};
+use mlua::{Function, Value as LuaValue};
 
 use super::builder::{BiasCheck, Reference, RenderedReference, Stop};
 use super::stop_rule::rule_from_value;
 use super::{ApiFn, Args, Param};
 use crate::error::ScriptError;
 use crate::kind::kind;
-use crate::state::Shared;
-use crate::strict::{self, Fields};
+use crate::strict::Fields;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, duration_s};
 use lumbre_night::experiment::StopRule;
@@ -129,21 +127,16 @@ pub const METHODS: &[ApiFn] = &[ApiFn {
     call: reference,
 }];
 
-fn reference(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let table = args.table(shared, 0, "options")?;
-    let fields = strict::fields(&table, &REFERENCE, "reference", false)
-        .map_err(|e| args.locate_error(shared, e))?;
+fn reference(args: &Args) -> Result<LuaValue, ScriptError> {
+    let fields = args.fields(0, "options", &REFERENCE, "reference")?;
     let reference = match fields.objects.get("image") {
-        Some(image) => {
-            image_reference(&fields, image, args).map_err(|e| args.locate_error(shared, e))?
-        }
-        None => rendered_reference(shared, args, &fields)?,
+        Some(image) => image_reference(&fields, image, args).map_err(|e| args.locate_error(e))?,
+        None => rendered_reference(args, &fields)?,
     };
-    let mut builder = shared.builder.borrow_mut();
+    let mut builder = args.shared.builder.borrow_mut();
     if builder.reference.is_some() {
         let problem = "called twice: an experiment has one reference";
-        return Err(args.error(shared, problem, None));
+        return Err(args.error(problem, None));
     }
     builder.reference = Some(reference);
     Ok(LuaValue::Nil)
@@ -177,12 +170,7 @@ fn image_reference(
         let problem = format!("`{key}` does not apply to an `image`");
         return Err(option_error(key, problem, None));
     }
-    let source = fields
-        .values
-        .get("source")
-        .and_then(Value::as_str)
-        .unwrap_or_default()
-        .to_owned();
+    let source = fields.text("source").unwrap_or_default().to_owned();
     match image {
         LuaValue::String(s) => Ok(Reference::Image {
             file: s.to_string_lossy(),
@@ -201,19 +189,15 @@ fn image_reference(
 }
 
 /// Returns a reference that is rendered.
-fn rendered_reference(
-    shared: &Shared,
-    args: &Args,
-    fields: &Fields,
-) -> Result<Reference, ScriptError> {
-    let fail = |error: SchemaError| args.locate_error(shared, error);
+fn rendered_reference(args: &Args, fields: &Fields) -> Result<Reference, ScriptError> {
+    let fail = |error: SchemaError| args.locate_error(error);
     if fields.values.contains_key("source") {
         let problem = "`source` describes an `image`, but no `image` is given";
         return Err(fail(option_error("source", problem, None)));
     }
     let Some(rule) = fields.objects.get("stop") else {
         let help = "add a stop rule, such as stop = stop.samples(4096)".to_owned();
-        return Err(shared.sources.borrow().field(
+        return Err(args.shared.sources.borrow().field(
             &args.place,
             "reference",
             "`stop` is missing",
@@ -229,11 +213,7 @@ fn rendered_reference(
         .map(bias_check)
         .transpose()
         .map_err(fail)?;
-    let shards = fields
-        .values
-        .get("parts")
-        .and_then(Value::as_i64)
-        .and_then(|n| u32::try_from(n).ok());
+    let shards = fields.i64("parts").and_then(|n| u32::try_from(n).ok());
     Ok(Reference::Render(RenderedReference {
         from,
         stop,

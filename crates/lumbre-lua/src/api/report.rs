@@ -1,14 +1,11 @@
 //! `x:figure` and `x:table`: figures and tables of the results.
 
-use std::rc::Rc;
-
 use mlua::{Lua, UserData, UserDataFields, Value as LuaValue};
 
 use super::{ApiFn, Args, Param};
 use crate::error::ScriptError;
 use crate::kind::{KIND, kind};
 use crate::source::SourcePlace;
-use crate::state::Shared;
 use crate::strict;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
@@ -177,35 +174,25 @@ impl UserData for TimeToObject {
     }
 }
 
-fn time_to(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 2)?;
-    let (column, threshold) = (
-        args.text(shared, 0, "column")?,
-        args.number(shared, 1, "threshold")?,
-    );
-    let object = TimeToObject { column, threshold };
-    Ok(LuaValue::UserData(
-        lua.create_userdata(object)
-            .map_err(|e| shared.convert(&e))?,
-    ))
+fn time_to(args: &Args) -> Result<LuaValue, ScriptError> {
+    let (column, threshold) = (args.text(0, "column")?, args.number(1, "threshold")?);
+    args.object(TimeToObject { column, threshold })
 }
 
 /// Returns the name of a figure or table, which becomes a file name.
-fn file_name(shared: &Shared, args: &Args) -> Result<String, ScriptError> {
-    args.at_most(shared, 2)?;
-    let name = args.text(shared, 0, "name")?;
+fn file_name(args: &Args) -> Result<String, ScriptError> {
+    let name = args.text(0, "name")?;
     let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
     if name.is_empty() || name.len() > 60 || name.starts_with('.') || !name.chars().all(legal) {
         let help =
             "use at most 60 letters, digits, `_`, `-` and `.`, not starting with a dot".to_owned();
-        return Err(args.error(shared, format!("`{name}` cannot name a file"), Some(help)));
+        return Err(args.error(format!("`{name}` cannot name a file"), Some(help)));
     }
     Ok(name)
 }
 
 /// Rejects a second figure or table of the same name, and more than [`MAX_REPORTS`].
 fn check_name_is_new<T>(
-    shared: &Shared,
     args: &Args,
     name: &str,
     declared: &[(T, SourcePlace)],
@@ -217,17 +204,12 @@ fn check_name_is_new<T>(
         .find(|(t, _)| name_of(t).eq_ignore_ascii_case(name))
     {
         return Err(args.error(
-            shared,
             format!("`{name}` is already defined in line {}", place.line),
             None,
         ));
     }
     if declared.len() >= MAX_REPORTS {
-        return Err(args.error(
-            shared,
-            format!("called more than {MAX_REPORTS} times"),
-            None,
-        ));
+        return Err(args.error(format!("called more than {MAX_REPORTS} times"), None));
     }
     Ok(())
 }
@@ -245,13 +227,13 @@ fn names(value: Option<&Value>) -> Vec<String> {
     }
 }
 
-fn figure(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    let name = file_name(shared, args)?;
+fn figure(args: &Args) -> Result<LuaValue, ScriptError> {
+    let name = file_name(args)?;
     let path = format!("figure.{name}");
-    let options = args.table(shared, 1, "options")?;
+    let options = args.table(1, "options")?;
     let read = || -> Result<FigureSpec, SchemaError> {
         let fields = strict::fields(&options, &FIGURE, &path, false)?;
-        let word = |key: &str| fields.values.get(key).and_then(Value::as_str);
+        let word = |key: &str| fields.text(key);
         let y = fields
             .objects
             .get("y")
@@ -277,9 +259,9 @@ fn figure(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptE
             only: only_values(fields.values.get("only"), &path)?,
         })
     };
-    let spec = read().map_err(|e| args.locate_error(shared, e))?;
-    let mut builder = shared.builder.borrow_mut();
-    check_name_is_new(shared, args, &name, &builder.figures, |f| &f.name)?;
+    let spec = read().map_err(|e| args.locate_error(e))?;
+    let mut builder = args.shared.builder.borrow_mut();
+    check_name_is_new(args, &name, &builder.figures, |f| &f.name)?;
     builder.figures.push((spec, args.place.clone()));
     Ok(LuaValue::Nil)
 }
@@ -349,10 +331,10 @@ fn only_values(
     }
 }
 
-fn table(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    let name = file_name(shared, args)?;
+fn table(args: &Args) -> Result<LuaValue, ScriptError> {
+    let name = file_name(args)?;
     let path = format!("table.{name}");
-    let options = args.table(shared, 1, "options")?;
+    let options = args.table(1, "options")?;
     let read = || -> Result<TableSpec, SchemaError> {
         let fields = strict::fields(&options, &TABLE, &path, false)?;
         let value = match fields.objects.get("value") {
@@ -382,9 +364,9 @@ fn table(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptEr
             formats,
         })
     };
-    let spec = read().map_err(|e| args.locate_error(shared, e))?;
-    let mut builder = shared.builder.borrow_mut();
-    check_name_is_new(shared, args, &name, &builder.tables, |t| &t.name)?;
+    let spec = read().map_err(|e| args.locate_error(e))?;
+    let mut builder = args.shared.builder.borrow_mut();
+    check_name_is_new(args, &name, &builder.tables, |t| &t.name)?;
     builder.tables.push((spec, args.place.clone()));
     Ok(LuaValue::Nil)
 }

@@ -1,7 +1,5 @@
 //! Constructors of stop rules: `stop.time`, `stop.when` and the others.
 
-use std::rc::Rc;
-
 use mlua::{Lua, Value as LuaValue};
 
 use super::rule::{Rule, RuleObject};
@@ -9,7 +7,6 @@ use super::stop_rule::rule_from_value;
 use super::{ApiFn, Args, Param};
 use crate::error::ScriptError;
 use crate::kind::kind;
-use crate::state::Shared;
 use crate::strict;
 use lumbre_light::value::schema::{Field, Table, Ty, duration_s};
 use lumbre_light::value::{Value, suggest};
@@ -109,7 +106,7 @@ pub const RULES: &[ApiFn] = &[
         }],
         returns: "StopRule",
         doc: "Stops when every pixel has exactly this many samples.",
-        call: |shared, lua, args| counted(shared, lua, args, StopRule::Samples),
+        call: |args| counted(args, StopRule::Samples),
     },
     ApiFn {
         name: "stop.waves",
@@ -120,7 +117,7 @@ pub const RULES: &[ApiFn] = &[
         }],
         returns: "StopRule",
         doc: "Stops after this many waves.",
-        call: |shared, lua, args| counted(shared, lua, args, StopRule::Waves),
+        call: |args| counted(args, StopRule::Waves),
     },
     ApiFn {
         name: "stop.when",
@@ -179,7 +176,7 @@ pub const RULES: &[ApiFn] = &[
         }],
         returns: "StopRule",
         doc: "Stops when at least this many samples were NaN or infinite.",
-        call: |shared, lua, args| counted(shared, lua, args, StopRule::Nan),
+        call: |args| counted(args, StopRule::Nan),
     },
     ApiFn {
         name: "stop.predicate",
@@ -229,34 +226,22 @@ pub const RULES: &[ApiFn] = &[
 ];
 
 /// Creates the Lua object of a rule.
-fn rule_object(
-    shared: &Shared,
-    lua: &Lua,
-    args: &Args,
-    rule: Rule,
-) -> Result<LuaValue, ScriptError> {
+fn rule_object(args: &Args, rule: Rule) -> Result<LuaValue, ScriptError> {
     let rule = RuleObject::new(rule);
     if rule.size() > MAX_RULES || rule.depth() > MAX_DEPTH {
         let problem = format!(
             "the rule contains more than {MAX_RULES} rules or is nested more than {MAX_DEPTH} deep"
         );
-        return Err(args.error(shared, problem, None));
+        return Err(args.error(problem, None));
     }
-    Ok(LuaValue::UserData(
-        lua.create_userdata(rule).map_err(|e| shared.convert(&e))?,
-    ))
+    args.object(rule)
 }
 
-fn time(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let value =
-        strict::read(&args.get(0), "stop.time", "").map_err(|e| args.locate_error(shared, e))?;
+fn time(args: &Args) -> Result<LuaValue, ScriptError> {
+    let value = strict::read(&args.get(0), "stop.time", "").map_err(|e| args.locate_error(e))?;
     match duration_s(&value) {
-        Some(seconds) if seconds > 0.0 => {
-            rule_object(shared, lua, args, Rule::Leaf(StopRule::Time(seconds)))
-        }
+        Some(seconds) if seconds > 0.0 => rule_object(args, Rule::Leaf(StopRule::Time(seconds))),
         _ => Err(args.error(
-            shared,
             format!(
                 "`{value}` is not a duration above zero: expected {}",
                 Ty::Duration.describe()
@@ -267,22 +252,15 @@ fn time(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptE
 }
 
 /// Returns the rule of the only argument, a count.
-fn counted(
-    shared: &Rc<Shared>,
-    lua: &Lua,
-    args: &Args,
-    rule: fn(u64) -> StopRule,
-) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let count = args.integer(shared, 0, "count", 1, MAX_COUNT)?;
-    rule_object(shared, lua, args, Rule::Leaf(rule(count.unsigned_abs())))
+fn counted(args: &Args, rule: fn(u64) -> StopRule) -> Result<LuaValue, ScriptError> {
+    let count = args.integer(0, "count", 1, MAX_COUNT)?;
+    rule_object(args, Rule::Leaf(rule(count.unsigned_abs())))
 }
 
-fn when(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 4)?;
-    let column = args.text(shared, 0, "column")?;
-    let sign = args.text(shared, 1, "comparison")?;
-    let value = args.number(shared, 2, "value")?;
+fn when(args: &Args) -> Result<LuaValue, ScriptError> {
+    let column = args.text(0, "column")?;
+    let sign = args.text(1, "comparison")?;
+    let value = args.number(2, "value")?;
     let Some((_, op)) = COMPARISONS.iter().find(|(s, _)| *s == sign) else {
         let known = COMPARISONS
             .iter()
@@ -290,21 +268,13 @@ fn when(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptE
             .collect::<Vec<_>>()
             .join(", ");
         return Err(args.error(
-            shared,
             format!("unknown comparison `{sign}`"),
             Some(format!("known: {known}")),
         ));
     };
-    let options = match args.get(3) {
-        LuaValue::Nil => strict::Fields::default(),
-        LuaValue::Table(t) => strict::fields(&t, &WHEN, "stop.when", false)
-            .map_err(|e| args.locate_error(shared, e))?,
-        _ => return Err(args.wrong(shared, 3, "options", "a table such as { hold = 3 }")),
-    };
+    let options = args.options(3, &WHEN, "stop.when", "{ hold = 3 }")?;
     let hold = options
-        .values
-        .get("hold")
-        .and_then(Value::as_i64)
+        .i64("hold")
         .and_then(|h| u32::try_from(h).ok())
         .unwrap_or(1);
     let rule = StopRule::When {
@@ -313,30 +283,13 @@ fn when(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptE
         value,
         hold,
     };
-    rule_object(
-        shared,
-        lua,
-        args,
-        Rule::Column(rule, column, args.place.clone()),
-    )
+    rule_object(args, Rule::Column(rule, column, args.place.clone()))
 }
 
-fn plateau(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 2)?;
-    let column = args.text(shared, 0, "column")?;
-    let options = match args.get(1) {
-        LuaValue::Nil => strict::Fields::default(),
-        LuaValue::Table(t) => strict::fields(&t, &PLATEAU, "stop.plateau", false)
-            .map_err(|e| args.locate_error(shared, e))?,
-        _ => return Err(args.wrong(shared, 1, "options", "a table such as { slope = -0.1 }")),
-    };
-    let number = |key: &str, default: f64| {
-        options
-            .values
-            .get(key)
-            .and_then(Value::as_f64)
-            .unwrap_or(default)
-    };
+fn plateau(args: &Args) -> Result<LuaValue, ScriptError> {
+    let column = args.text(0, "column")?;
+    let options = args.options(1, &PLATEAU, "stop.plateau", "{ slope = -0.1 }")?;
+    let number = |key: &str, default: f64| options.f64(key).unwrap_or(default);
     let (exponent, over, p) = (
         number("slope", -0.1),
         number("over", 4.0),
@@ -348,40 +301,33 @@ fn plateau(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, Scri
         over,
         p,
     };
-    rule_object(
-        shared,
-        lua,
-        args,
-        Rule::Column(rule, column, args.place.clone()),
-    )
+    rule_object(args, Rule::Column(rule, column, args.place.clone()))
 }
 
-fn predicate(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let function = args.function(shared, 0, "f")?;
-    rule_object(shared, lua, args, Rule::Predicate(function))
+fn predicate(args: &Args) -> Result<LuaValue, ScriptError> {
+    let function = args.function(0, "f")?;
+    rule_object(args, Rule::Predicate(function))
 }
 
 /// Returns the rules in the arguments, given one by one or in one list.
-fn rules(shared: &Shared, args: &Args) -> Result<Vec<RuleObject>, ScriptError> {
+fn rules(args: &Args) -> Result<Vec<RuleObject>, ScriptError> {
     let values: Vec<LuaValue> = match args.get(0) {
         LuaValue::Table(list) if args.len() == 1 => {
             let n = list.raw_len();
             (1..=n.min(MAX_RULES + 1))
                 .map(|i| list.raw_get(i))
                 .collect::<mlua::Result<_>>()
-                .map_err(|e| shared.convert(&e))?
+                .map_err(|e| args.shared.convert(&e))?
         }
         _ => (0..args.len()).map(|i| args.get(i)).collect(),
     };
     if values.is_empty() {
         let help = "write stop.any { stop.samples(256), stop.time(\"50s\") }".to_owned();
-        return Err(args.error(shared, "expected at least one rule", Some(help)));
+        return Err(args.error("expected at least one rule", Some(help)));
     }
     let rule = |(i, value): (usize, &LuaValue)| {
         rule_from_value(value).ok_or_else(|| {
             args.error(
-                shared,
                 format!(
                     "rule {}: expected a stop rule, found {}",
                     i + 1,
@@ -411,18 +357,17 @@ fn help_for(value: &LuaValue) -> Option<String> {
     }
 }
 
-fn any(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    rule_object(shared, lua, args, Rule::Any(rules(shared, args)?))
+fn any(args: &Args) -> Result<LuaValue, ScriptError> {
+    rule_object(args, Rule::Any(rules(args)?))
 }
 
-fn all(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    rule_object(shared, lua, args, Rule::All(rules(shared, args)?))
+fn all(args: &Args) -> Result<LuaValue, ScriptError> {
+    rule_object(args, Rule::All(rules(args)?))
 }
 
-fn not(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
+fn not(args: &Args) -> Result<LuaValue, ScriptError> {
     match rule_from_value(&args.get(0)) {
-        Some(inner) => rule_object(shared, lua, args, Rule::Not(inner)),
-        None => Err(args.wrong(shared, 0, "rule", "a stop rule")),
+        Some(inner) => rule_object(args, Rule::Not(inner)),
+        None => Err(args.wrong(0, "rule", "a stop rule")),
     }
 }

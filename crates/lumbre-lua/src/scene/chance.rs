@@ -1,18 +1,12 @@
 //! Reproducible randomness for scenes: `random`, `scatter` and `noise`, all derived from seeds.
 
-use std::rc::Rc;
-
 use mlua::{Lua, UserData, UserDataFields, UserDataMethods, Value as LuaValue};
 
-use super::create_object;
 use crate::api::{ApiFn, Args, Param};
 use crate::error::ScriptError;
 use crate::kind::KIND;
-use crate::state::Shared;
-use crate::strict;
 use lumbre_light::math::rng::{pcg4d, unit};
 use lumbre_light::scene::noise;
-use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, Table, Ty};
 
 /// Largest number of points of one `scatter`.
@@ -161,26 +155,18 @@ impl UserData for RandomObject {
     }
 }
 
-fn random(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let seed = args.integer(shared, 0, "seed", 0, i64::from(u32::MAX))?;
-    create_object(
-        shared,
-        lua,
-        RandomObject {
-            seed: seed as u32,
-            count: 0,
-        },
-    )
+fn random(args: &Args) -> Result<LuaValue, ScriptError> {
+    let seed = args.integer(0, "seed", 0, i64::from(u32::MAX))?;
+    args.object(RandomObject {
+        seed: seed as u32,
+        count: 0,
+    })
 }
 
-fn scatter(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let table = args.table(shared, 0, "options")?;
-    let fields = strict::fields(&table, &SCATTER, "scatter", false)
-        .map_err(|e| args.locate_error(shared, e))?;
-    let [x, z] = fields.values.get("size").map_or([1.0; 2], super::numbers);
-    let integer = |key: &str| fields.values.get(key).and_then(Value::as_i64).unwrap_or(0);
+fn scatter(args: &Args) -> Result<LuaValue, ScriptError> {
+    let fields = args.fields(0, "options", &SCATTER, "scatter")?;
+    let [x, z] = fields.numbers("size").unwrap_or([1.0; 2]);
+    let integer = |key: &str| fields.i64(key).unwrap_or(0);
     let [first, second, ..] = pcg4d([integer("seed") as u32, 1, 2, 3]);
     let start = [first, second].map(|word| f64::from(unit(word)));
     // Real root of p^3 = p + 1.
@@ -188,20 +174,20 @@ fn scatter(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, Scri
     let step = [1.0 / PLASTIC, 1.0 / (PLASTIC * PLASTIC)];
     let point = |i: i64| {
         let along = |k: usize| (start[k] + step[k] * i as f64).fract() - 0.5;
-        lua.create_sequence_from([along(0) * f64::from(x), 0.0, along(1) * f64::from(z)])
+        args.lua
+            .create_sequence_from([along(0) * f64::from(x), 0.0, along(1) * f64::from(z)])
     };
     let points: mlua::Result<Vec<mlua::Table>> = (0..integer("count")).map(point).collect();
     let table = points
-        .and_then(|points| lua.create_sequence_from(points))
-        .map_err(|e| shared.convert(&e))?;
+        .and_then(|points| args.lua.create_sequence_from(points))
+        .map_err(|e| args.shared.convert(&e))?;
     Ok(LuaValue::Table(table))
 }
 
-fn noise_at(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 4)?;
+fn noise_at(args: &Args) -> Result<LuaValue, ScriptError> {
     let coordinate = |i: usize, what: &str| match args.get(i) {
         LuaValue::Nil if i > 1 => Ok(0.0),
-        _ => args.number(shared, i, what),
+        _ => args.number(i, what),
     };
     let point = [
         coordinate(0, "x")?,
@@ -209,7 +195,7 @@ fn noise_at(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, Scrip
         coordinate(2, "z")?,
     ];
     let octaves = if args.len() > 3 {
-        args.integer(shared, 3, "octaves", 1, 16)?
+        args.integer(3, "octaves", 1, 16)?
     } else {
         1
     };

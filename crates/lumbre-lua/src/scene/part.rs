@@ -7,14 +7,11 @@ use glam::{Affine3A, EulerRot, Quat, Vec3};
 use mlua::{Lua, UserData, UserDataFields, Value as LuaValue};
 
 use super::shape_object::ShapeObject;
-use super::{create_object, numbers};
 use crate::api::{ApiFn, Args, Param};
 use crate::error::ScriptError;
 use crate::kind::{KIND, kind};
-use crate::state::Shared;
-use crate::strict::{self, Fields};
+use crate::strict::{self, Fields, numbers};
 use lumbre_light::scene::desc::Transform;
-use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
 use lumbre_scene_io::names::UniqueNames;
 
@@ -265,21 +262,19 @@ pub fn name(names: &mut UniqueNames, leaf: &Leaf) -> String {
 ///
 /// # Errors
 /// Returns an error for an empty list or an invalid part.
-pub fn list(shared: &Shared, args: &Args) -> Result<Vec<ScenePart>, ScriptError> {
-    args.at_most(shared, 1)?;
-    let table = args.table(shared, 0, "parts")?;
+pub fn list(args: &Args) -> Result<Vec<ScenePart>, ScriptError> {
+    let table = args.table(0, "parts")?;
     let items: Vec<LuaValue> = table
         .sequence_values::<LuaValue>()
         .collect::<Result<_, _>>()
-        .map_err(|e| shared.convert(&e))?;
+        .map_err(|e| args.shared.convert(&e))?;
     if items.is_empty() {
         let help = "write the parts as a list: { { shape = .. }, { shape = .. } }".to_owned();
-        return Err(args.error(shared, "expected a list of parts, found none", Some(help)));
+        return Err(args.error("expected a list of parts, found none", Some(help)));
     }
     let read_item = |(i, item): (usize, &LuaValue)| match item {
-        LuaValue::Table(t) => read(shared, args, t, &format!("part[{}]", i + 1)),
+        LuaValue::Table(t) => read(args, t, &format!("part[{}]", i + 1)),
         other => Err(args.error(
-            shared,
             format!("part[{}]: expected a table, found {}", i + 1, kind(other)),
             None,
         )),
@@ -291,25 +286,16 @@ pub fn list(shared: &Shared, args: &Args) -> Result<Vec<ScenePart>, ScriptError>
 ///
 /// # Errors
 /// Returns an error for an invalid field, or for a non-uniform scale of an analytic sphere.
-pub fn read(
-    shared: &Shared,
-    args: &Args,
-    table: &mlua::Table,
-    path: &str,
-) -> Result<ScenePart, ScriptError> {
-    let fields =
-        strict::fields(table, &PART, path, false).map_err(|e| args.locate_error(shared, e))?;
+pub fn read(args: &Args, table: &mlua::Table, path: &str) -> Result<ScenePart, ScriptError> {
+    let fields = strict::fields(table, &PART, path, false).map_err(|e| args.locate_error(e))?;
     let fail = |key: &str, problem: String| {
         let path = format!("{path}.{key}");
-        Err(args.locate_error(
-            shared,
-            SchemaError {
-                path,
-                problem,
-                help: None,
-                key: key.to_owned(),
-            },
-        ))
+        Err(args.locate_error(SchemaError {
+            path,
+            problem,
+            help: None,
+            key: key.to_owned(),
+        }))
     };
     let shape = fields
         .objects
@@ -320,7 +306,7 @@ pub fn read(
         (Some(shape), _) => PartContent::Shape(shape),
         (None, LuaValue::UserData(data)) if data.is::<GroupObject>() => PartContent::Group(
             data.borrow::<GroupObject>()
-                .map_err(|e| shared.convert(&e))?
+                .map_err(|e| args.shared.convert(&e))?
                 .clone(),
         ),
         _ => {
@@ -330,14 +316,8 @@ pub fn read(
             );
         }
     };
-    let text = |key: &str| {
-        fields
-            .values
-            .get(key)
-            .and_then(Value::as_str)
-            .map(str::to_owned)
-    };
-    let place = placement(&fields, path).map_err(|e| args.locate_error(shared, e))?;
+    let text = |key: &str| fields.text(key).map(str::to_owned);
+    let place = placement(&fields, path).map_err(|e| args.locate_error(e))?;
     let even = place.scale.abs().min_element() == place.scale.abs().max_element();
     if matches!(&content, PartContent::Shape(ShapeObject::Sphere(_))) && !even {
         return fail(
@@ -358,20 +338,15 @@ pub fn read(
 ///
 /// # Errors
 /// Returns an error for an invalid field.
-pub fn frame(
-    shared: &Shared,
-    args: &Args,
-    table: &mlua::Table,
-    path: &str,
-) -> Result<Affine3A, ScriptError> {
+pub fn frame(args: &Args, table: &mlua::Table, path: &str) -> Result<Affine3A, ScriptError> {
     let read = || placement(&strict::fields(table, &PLACE, path, false)?, path);
     read()
         .map(|place| place.matrix())
-        .map_err(|e| args.locate_error(shared, e))
+        .map_err(|e| args.locate_error(e))
 }
 
 fn vector(fields: &Fields, key: &str) -> Option<Vec3> {
-    fields.values.get(key).map(|v| Vec3::from(numbers::<3>(v)))
+    fields.numbers(key).map(Vec3::from_array)
 }
 
 /// Converts the placement of a part.
@@ -411,24 +386,19 @@ fn placement(fields: &Fields, path: &str) -> Result<Placement, SchemaError> {
     })
 }
 
-fn group(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    let parts = list(shared, args)?;
+fn group(args: &Args) -> Result<LuaValue, ScriptError> {
+    let parts = list(args)?;
     let leaves = parts
         .iter()
         .fold(0usize, |sum, part| sum.saturating_add(part.leaf_count()));
     if leaves > MAX_LEAVES {
         return Err(args.error(
-            shared,
             format!("the group contains {leaves} shapes; at most {MAX_LEAVES} are allowed"),
             None,
         ));
     }
-    create_object(
-        shared,
-        lua,
-        GroupObject {
-            parts: Rc::new(parts),
-            leaves,
-        },
-    )
+    args.object(GroupObject {
+        parts: Rc::new(parts),
+        leaves,
+    })
 }
