@@ -8,7 +8,6 @@ use mlua::{Lua, Value as LuaValue};
 use super::api::{Args, Param};
 use super::error::ScriptError;
 use super::source;
-use super::state::Shared;
 
 /// Parameters of `require`, for the annotations and the reference page.
 pub const PARAMS: &[Param] = &[Param {

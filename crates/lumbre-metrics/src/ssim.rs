@@ -294,11 +294,7 @@ mod tests {
         let noise = |x: u32, c: u32| ((x * 7 + c * 3) % 11) as f32 / 11.0;
         let a = Image::from_fn(20, 130, |x, _| [0, 1, 2].map(|c| noise(x, c)));
         let b = Image::from_fn(20, 130, |x, _| [0, 1, 2].map(|c| noise(x + 1, c)));
-        let short = |i: &Image| Image {
-            width: 20,
-            height: 7,
-            data: i.data[..140].to_vec(),
-        };
+        let short = |i: &Image| Image::from_pixels(20, 7, i.data[..140].to_vec());
         let spec = MetricSpec::new("ssim", "ssim", BTreeMap::new()).unwrap();
         let (tall, small) = (
             spec.eval(&a, &b).unwrap(),

@@ -95,15 +95,15 @@ impl Tonemap {
             .and_then(|map| map.get("kind"))
             .and_then(Value::as_str);
         let (Some(map), Some(kind)) = (value.as_map(), kind) else {
-            return Err(SchemaError {
-                path: path.to_owned(),
-                problem: format!("expected a tone map, found {} `{value}`", value.kind()),
-                help: Some(format!(
-                    "known tone maps: {}",
-                    names().collect::<Vec<_>>().join(", ")
-                )),
-                key: path.rsplit('.').next().unwrap_or(path).to_owned(),
-            });
+            return Err(SchemaError::new(
+                path,
+                path.rsplit('.').next().unwrap_or(path).to_owned(),
+                format!("expected a tone map, found {} `{value}`", value.kind()),
+            )
+            .with_help(format!(
+                "known tone maps: {}",
+                names().collect::<Vec<_>>().join(", ")
+            )));
         };
         let Some((_, table)) = TONEMAPS.iter().find(|(name, _)| *name == kind) else {
             return Err(unknown_name(path, kind, "tone map", names()));
@@ -203,11 +203,7 @@ impl Tonemap {
                 });
             }
         }
-        Image {
-            width: image.width,
-            height: image.height,
-            data,
-        }
+        Image::from_pixels(image.width, image.height, data)
     }
 }
 

@@ -291,7 +291,7 @@ pub fn set(desc: &mut SceneDesc, path: &str, value: &Value) -> Result<(), Schema
                 .as_list()
                 .is_some_and(|l| l.iter().any(|n| n.as_i64().is_none()))
         {
-            return Err(problem(
+            return Err(SchemaError::new(
                 path,
                 key,
                 format!("expected whole numbers of pixels, found {value}"),
@@ -326,7 +326,7 @@ fn set_view(desc: &mut SceneDesc, path: &str, value: &Value) -> Result<(), Schem
             desc.camera = camera.clone();
             Ok(())
         }
-        None if desc.views.is_empty() => Err(problem(
+        None if desc.views.is_empty() => Err(SchemaError::new(
             path,
             name,
             format!("the scene has no views, so there is no view `{name}`"),
@@ -354,7 +354,7 @@ pub fn apply(desc: &mut SceneDesc, changes: &BTreeMap<String, Value>) -> Result<
     let optics = desc.camera.optics;
     let changed = |key: &str| changes.contains_key(&format!("camera.{key}"));
     let fail = |key: &str, text: &str, help: &str| {
-        let mut e = problem(&format!("camera.{key}"), key, text.to_owned());
+        let mut e = SchemaError::new(format!("camera.{key}"), key, text.to_owned());
         e.help = Some(help.to_owned());
         Err(e)
     };
@@ -399,16 +399,6 @@ fn heads() -> Vec<&'static str> {
     heads
 }
 
-/// Creates an error about the value at `path`.
-fn problem(path: &str, key: &str, problem: String) -> SchemaError {
-    SchemaError {
-        path: path.to_owned(),
-        problem,
-        help: None,
-        key: key.to_owned(),
-    }
-}
-
 /// Splits `NAME.PARAM` at the last dot.
 fn name_and_param<'a>(
     path: &str,
@@ -417,7 +407,7 @@ fn name_and_param<'a>(
 ) -> Result<(&'a str, &'a str), SchemaError> {
     rest.rsplit_once('.').ok_or_else(|| {
         let key = path.rsplit('.').next().unwrap_or(path);
-        problem(path, key, format!("expected `{what}.NAME.PARAMETER`"))
+        SchemaError::new(path, key, format!("expected `{what}.NAME.PARAMETER`"))
     })
 }
 
@@ -450,7 +440,7 @@ fn set_material(
                 // Notes about a texture's file are reported where a scene names it, not here.
                 let read = load::texture(Path::new(file), &mut Vec::new());
                 Some(Arc::new(
-                    read.map_err(|e| problem(path, param, e.to_string()))?,
+                    read.map_err(|e| SchemaError::new(path, param, e.to_string()))?,
                 ))
             };
             indices
@@ -535,7 +525,7 @@ fn set_entity(
         } else {
             "a sphere"
         };
-        let mut e = problem(
+        let mut e = SchemaError::new(
             path,
             param,
             format!("`{name}` is {what}, which has no `{param}`"),

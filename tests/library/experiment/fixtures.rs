@@ -215,11 +215,7 @@ pub fn load_scene(file: &Path) -> LoadedScene {
         lights: vec![],
         environment: None,
     };
-    let note = Note {
-        file: file.to_owned(),
-        place: "fog".into(),
-        message: "left out".into(),
-    };
+    let note = Note::new(file, "fog", "left out");
     Ok((scene, vec![note]))
 }
 

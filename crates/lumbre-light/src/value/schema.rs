@@ -129,6 +129,31 @@ pub struct SchemaError {
     pub key: String,
 }
 
+impl SchemaError {
+    /// Creates an error about the field at `path`. `key` is the last name on the path, or empty if
+    /// the whole table is wrong.
+    pub fn new(
+        path: impl Into<String>,
+        key: impl Into<String>,
+        problem: impl Into<String>,
+    ) -> SchemaError {
+        SchemaError {
+            path: path.into(),
+            problem: problem.into(),
+            help: None,
+            key: key.into(),
+        }
+    }
+
+    /// Adds the remedy.
+    pub fn with_help(self, help: impl Into<String>) -> SchemaError {
+        SchemaError {
+            help: Some(help.into()),
+            ..self
+        }
+    }
+}
+
 impl Table {
     /// Checks a map against this table, recursively; returns the first problem in key order.
     ///
@@ -148,12 +173,11 @@ impl Table {
             .iter()
             .find(|f| f.required && !map.contains_key(f.key))
         {
-            Some(f) => Err(SchemaError {
-                path: path.to_owned(),
-                problem: format!("`{}` is missing: {}", f.key, f.doc),
-                help: None,
-                key: String::new(),
-            }),
+            Some(f) => Err(SchemaError::new(
+                path,
+                "",
+                format!("`{}` is missing: {}", f.key, f.doc),
+            )),
             None => Ok(()),
         }
     }
@@ -197,12 +221,7 @@ pub fn unknown_name<'a>(
         Some(near) => format!("did you mean `{near}`?"),
         None => format!("known: {}", known.join(", ")),
     };
-    SchemaError {
-        path: path.to_owned(),
-        problem: format!("unknown {what} `{name}`"),
-        help: Some(help),
-        key: name.to_owned(),
-    }
+    SchemaError::new(path, name, format!("unknown {what} `{name}`")).with_help(help)
 }
 
 fn join(path: &str, key: &str) -> String {
@@ -233,14 +252,7 @@ impl Ty {
     /// # Errors
     /// Returns an error for a wrong type or a value out of range.
     pub fn check(&self, path: &str, key: &str, value: &Value) -> Result<(), SchemaError> {
-        let fail = |problem: String| {
-            Err(SchemaError {
-                path: path.to_owned(),
-                problem,
-                help: None,
-                key: key.to_owned(),
-            })
-        };
+        let fail = |problem: String| Err(SchemaError::new(path, key, problem));
         let out_of_range = |x: &dyn fmt::Display| {
             fail(format!("{x} is out of range: expected {}", self.describe()))
         };
@@ -288,12 +300,9 @@ impl Ty {
             (Ty::Table(table), Value::List(items)) if items.is_empty() => {
                 table.check(path, &BTreeMap::new())
             }
-            (Ty::Table(table), _) => Err(SchemaError {
-                path: path.to_owned(),
-                problem: self.mismatch(value),
-                help: Some(table.keys()),
-                key: key.to_owned(),
-            }),
+            (Ty::Table(table), _) => {
+                Err(SchemaError::new(path, key, self.mismatch(value)).with_help(table.keys()))
+            }
             _ => fail(self.mismatch(value)),
         }
     }

@@ -1,6 +1,6 @@
 //! `x:axis` and the constructors of value lists: `range`, `linspace`, `logspace` and `zip`.
 
-use mlua::{Lua, Value as LuaValue};
+use mlua::Value as LuaValue;
 
 use super::{ApiFn, Args, Param};
 use crate::error::ScriptError;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use mlua::{Lua, Value as LuaValue};
+use mlua::Value as LuaValue;
 
 use super::builder::{Builder, Head, Reference, Stop};
 use super::stop_rule::{cell_rules, reference_rules, rule_from_value};

@@ -61,12 +61,8 @@ fn parameters(
     mut params: BTreeMap<String, Value>,
     shared: &Shared,
 ) -> Result<(String, BTreeMap<String, Value>), SchemaError> {
-    let fail = |key: &str, problem: String| SchemaError {
-        path: format!("external.{key}"),
-        problem,
-        help: None,
-        key: key.to_owned(),
-    };
+    let fail =
+        |key: &str, problem: String| SchemaError::new(format!("external.{key}"), key, problem);
     let name = match params.remove("name") {
         Some(Value::Str(name)) => format!("{PREFIX}{name}"),
         _ => PREFIX.to_owned(),

@@ -182,14 +182,7 @@ fn locate_error_here(shared: &Shared, lua: &Lua, error: SchemaError) -> mlua::Er
 
 /// Returns the options of a constructor, which takes no argument or one table.
 fn options(values: MultiValue, path: &str) -> Result<BTreeMap<String, Value>, SchemaError> {
-    let fail = |problem: String| {
-        Err(SchemaError {
-            path: path.to_owned(),
-            problem,
-            help: None,
-            key: String::new(),
-        })
-    };
+    let fail = |problem: String| Err(SchemaError::new(path, "", problem));
     if values.len() > 1 {
         return fail(format!(
             "expected one table of options, found {} arguments",
@@ -253,12 +246,7 @@ fn read_measure(table: &mlua::Table) -> Result<MeasureSpec, SchemaError> {
     if let Some(every) = fields.values.get("every").and_then(duration_s) {
         if every < MIN_EVERY_S {
             let problem = format!("{every} s is too short: expected at least {MIN_EVERY_S} s");
-            return Err(SchemaError {
-                path: "measure.every".to_owned(),
-                problem,
-                help: None,
-                key: "every".to_owned(),
-            });
+            return Err(SchemaError::new("measure.every", "every", problem));
         }
         measure.every_s = every;
     }
@@ -275,12 +263,7 @@ fn read_measure(table: &mlua::Table) -> Result<MeasureSpec, SchemaError> {
     }
     if measure.metrics.len() > MAX_COLUMNS {
         let problem = format!("more than {MAX_COLUMNS} metric columns");
-        return Err(SchemaError {
-            path: "measure".to_owned(),
-            problem,
-            help: None,
-            key: String::new(),
-        });
+        return Err(SchemaError::new("measure", "", problem));
     }
     Ok(measure)
 }

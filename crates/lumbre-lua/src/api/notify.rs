@@ -68,12 +68,7 @@ fn notify(args: &Args) -> Result<LuaValue, ScriptError> {
 
 /// Converts checked options.
 fn notice(fields: &Fields) -> Result<Notice, SchemaError> {
-    let fail = |key: &str, problem: String| SchemaError {
-        path: format!("notify.{key}"),
-        problem,
-        help: None,
-        key: key.to_owned(),
-    };
+    let fail = |key: &str, problem: String| SchemaError::new(format!("notify.{key}"), key, problem);
     let line = fields.text("command");
     let command = words::split(line.unwrap_or_default())
         .and_then(|command| words::check(&command, &NOTICE_PLACEHOLDERS).map(|()| command))

@@ -98,11 +98,8 @@ fn texts(
         "colours" => "a colour such as \"#117733\"".to_owned(),
         _ => format!("a name of 1 to {LONGEST_NAME} characters"),
     };
-    let fail = |path: String, found: String| SchemaError {
-        path,
-        problem: format!("expected {expected}, found {found}"),
-        help: None,
-        key: key.to_owned(),
+    let fail = |path: String, found: String| {
+        SchemaError::new(path, key, format!("expected {expected}, found {found}"))
     };
     let Some(value) = value else {
         return Ok(BTreeMap::new());

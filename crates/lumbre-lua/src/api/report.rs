@@ -1,6 +1,6 @@
 //! `x:figure` and `x:table`: figures and tables of the results.
 
-use mlua::{Lua, UserData, UserDataFields, Value as LuaValue};
+use mlua::{UserData, UserDataFields, Value as LuaValue};
 
 use super::{ApiFn, Args, Param};
 use crate::error::ScriptError;
@@ -274,35 +274,20 @@ fn figure_values(y: &LuaValue, path: &str) -> Result<Vec<TableValue>, SchemaErro
     list.sequence_values::<LuaValue>()
         .map(|item| match item {
             Ok(item) => table_value(&item, path, "y"),
-            Err(e) => Err(field_error(&format!("{path}.y"), "y", e.to_string(), None)),
+            Err(e) => Err(SchemaError::new(format!("{path}.y"), "y", e.to_string())),
         })
         .collect()
-}
-
-/// Returns an error about a field.
-pub(super) fn field_error(
-    path: &str,
-    key: &str,
-    problem: String,
-    help: Option<String>,
-) -> SchemaError {
-    SchemaError {
-        path: path.to_owned(),
-        problem,
-        help,
-        key: key.to_owned(),
-    }
 }
 
 /// Returns the column of a figure that shows measurements over the course of a run.
 fn curve_column(value: &TableValue, path: &str) -> Result<String, SchemaError> {
     match value {
-        TableValue::TimeTo { .. } => Err(field_error(
-            &format!("{path}.y"),
+        TableValue::TimeTo { .. } => Err(SchemaError::new(
+            format!("{path}.y"),
             "y",
-            "time_to(..) is one number per run and has no curve".to_owned(),
-            Some("draw it over an axis of the sweep: x = \"depth\"".to_owned()),
-        )),
+            "time_to(..) is one number per run and has no curve",
+        )
+        .with_help("draw it over an axis of the sweep: x = \"depth\"")),
         value => Ok(value.name()),
     }
 }
@@ -322,12 +307,12 @@ fn only_values(
             .iter()
             .map(|(axis, kept)| (axis.clone(), values(kept)))
             .collect()),
-        Some(_) => Err(field_error(
-            &format!("{path}.only"),
+        Some(_) => Err(SchemaError::new(
+            format!("{path}.only"),
             "only",
-            "expected a table of axes with their values".to_owned(),
-            Some("only = { depth = { 3, 5 } }".to_owned()),
-        )),
+            "expected a table of axes with their values",
+        )
+        .with_help("only = { depth = { 3, 5 } }")),
     }
 }
 

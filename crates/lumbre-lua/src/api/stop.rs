@@ -1,6 +1,6 @@
 //! Constructors of stop rules: `stop.time`, `stop.when` and the others.
 
-use mlua::{Lua, Value as LuaValue};
+use mlua::Value as LuaValue;
 
 use super::rule::{Rule, RuleObject};
 use super::stop_rule::rule_from_value;
@@ -9,7 +9,7 @@ use crate::error::ScriptError;
 use crate::kind::kind;
 use crate::strict;
 use lumbre_light::value::schema::{Field, Table, Ty, duration_s};
-use lumbre_light::value::{Value, suggest};
+use lumbre_light::value::suggest;
 use lumbre_night::experiment::StopRule;
 use lumbre_night::experiment::stop::Comparison;
 

@@ -1,6 +1,6 @@
 //! Reproducible randomness for scenes: `random`, `scatter` and `noise`, all derived from seeds.
 
-use mlua::{Lua, UserData, UserDataFields, UserDataMethods, Value as LuaValue};
+use mlua::{UserData, UserDataFields, UserDataMethods, Value as LuaValue};
 
 use crate::api::{ApiFn, Args, Param};
 use crate::error::ScriptError;

@@ -101,12 +101,7 @@ pub fn environment(args: &Args) -> Result<LuaValue, ScriptError> {
                     "expected a texture or the name of an image, found {}",
                     kind(map)
                 );
-                return Err(args.locate_error(SchemaError {
-                    path,
-                    problem,
-                    help: None,
-                    key,
-                }));
+                return Err(args.locate_error(SchemaError::new(path, key, problem)));
             }
         },
         _ => return Err(args.error("expected either a `color` or a `map`", None)),

@@ -79,11 +79,7 @@ pub fn read(
         let loaded = loaded.map_err(|e| SceneError::Script(e.to_string()))?;
         return Ok((loaded.scene, loaded.notes));
     }
-    let invalid = |problem| SceneError::Malformed {
-        file: path.to_owned(),
-        place: "scene_options".to_owned(),
-        problem,
-    };
+    let invalid = |problem| SceneError::malformed(path, "scene_options", problem);
     let stage = options.get(STAGE).map(stage).transpose().map_err(invalid)?;
     let others = options.iter().filter(|(name, _)| *name != STAGE);
     let variables = others

@@ -4,7 +4,7 @@
 use std::rc::Rc;
 
 use glam::{Affine3A, EulerRot, Quat, Vec3};
-use mlua::{Lua, UserData, UserDataFields, Value as LuaValue};
+use mlua::{UserData, UserDataFields, Value as LuaValue};
 
 use super::shape_object::ShapeObject;
 use crate::api::{ApiFn, Args, Param};
@@ -290,12 +290,7 @@ pub fn read(args: &Args, table: &mlua::Table, path: &str) -> Result<ScenePart, S
     let fields = strict::fields(table, &PART, path, false).map_err(|e| args.locate_error(e))?;
     let fail = |key: &str, problem: String| {
         let path = format!("{path}.{key}");
-        Err(args.locate_error(SchemaError {
-            path,
-            problem,
-            help: None,
-            key: key.to_owned(),
-        }))
+        Err(args.locate_error(SchemaError::new(path, key, problem)))
     };
     let shape = fields
         .objects
@@ -351,12 +346,8 @@ fn vector(fields: &Fields, key: &str) -> Option<Vec3> {
 
 /// Converts the placement of a part.
 fn placement(fields: &Fields, path: &str) -> Result<Placement, SchemaError> {
-    let wrong = |key: &str, problem: String| SchemaError {
-        path: format!("{path}.{key}"),
-        problem,
-        help: None,
-        key: key.to_owned(),
-    };
+    let wrong =
+        |key: &str, problem: String| SchemaError::new(format!("{path}.{key}"), key, problem);
     let three = |key: &str, one: fn(f32) -> Vec3, otherwise: Vec3| match fields.values.get(key) {
         None => Ok(otherwise),
         Some(value) => match (value.as_f64(), value) {

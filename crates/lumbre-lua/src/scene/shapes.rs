@@ -2,7 +2,7 @@
 //! and `shape.join`.
 
 use glam::{Vec2, Vec3};
-use mlua::{Lua, Value as LuaValue};
+use mlua::Value as LuaValue;
 
 use super::part;
 use super::shape_object::ShapeObject;
@@ -11,11 +11,10 @@ use super::shape_schema::{
 };
 use crate::api::{ApiFn, Args, Param};
 use crate::error::ScriptError;
-use crate::state::Shared;
 use crate::strict::{Fields, numbers};
 use lumbre_light::scene::shape::{self, Shape, ShapeError};
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{SchemaError, Table};
+use lumbre_light::value::schema::SchemaError;
 
 macro_rules! rows {
     ($($name:literal, $table:ident, $make:ident, $doc:literal;)*) => {
@@ -209,12 +208,11 @@ fn make_mesh(args: &Args, f: &Fields) -> ShapeResult {
     let unit = |n: [f32; 3]| Vec3::from_array(n).try_normalize();
     let normals: Option<Vec<Vec3>> = points(f, "normals").into_iter().map(unit).collect();
     let Some(normals) = normals else {
-        let error = SchemaError {
-            path: "shape.mesh.normals".to_owned(),
-            problem: "a normal is zero or not finite".to_owned(),
-            help: None,
-            key: "normals".to_owned(),
-        };
+        let error = SchemaError::new(
+            "shape.mesh.normals",
+            "normals",
+            "a normal is zero or not finite",
+        );
         return Err(args.locate_error(error));
     };
     let shape = Shape {

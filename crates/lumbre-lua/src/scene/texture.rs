@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use glam::{Affine2, Vec2};
-use mlua::{Lua, UserData, UserDataFields, Value as LuaValue, Variadic};
+use mlua::{UserData, UserDataFields, Value as LuaValue, Variadic};
 
 use crate::api::{ApiFn, Args, Param};
 use crate::error::ScriptError;

@@ -194,11 +194,7 @@ pub fn filter(settings: &AtrousSettings, input: Guided<'_>) -> Image {
             (mean[c] + divisor(surface, c) * change).max(0.0)
         })
     });
-    Image {
-        width: input.mean.width,
-        height: input.mean.height,
-        data: data.collect(),
-    }
+    Image::from_pixels(input.mean.width, input.mean.height, data.collect())
 }
 
 /// Size of a picture in pixels.

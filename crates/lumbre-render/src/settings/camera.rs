@@ -151,36 +151,34 @@ pub(super) fn read_changes(given: &Given<'_>) -> Result<BTreeMap<String, Value>,
             }
         }
         Some(other) => {
-            return Err(SchemaError {
-                path: format!("{path}.set"),
-                problem: format!(
+            return Err(SchemaError::new(
+                format!("{path}.set"),
+                "set",
+                format!(
                     "expected a table of changes by path, found {}",
                     other.kind()
                 ),
-                help: Some("set = { [\"materials.egg.ior\"] = 1.5 }".to_owned()),
-                key: "set".to_owned(),
-            });
+            )
+            .with_help("set = { [\"materials.egg.ior\"] = 1.5 }"));
         }
     }
     if let Some(view) = map.get("view")
         && changes.insert("camera".to_owned(), view.clone()).is_some()
     {
-        return Err(SchemaError {
-            path: format!("{path}.view"),
-            problem: "given twice: `set` also has `camera`".to_owned(),
-            help: None,
-            key: "view".to_owned(),
-        });
+        return Err(SchemaError::new(
+            format!("{path}.view"),
+            "view",
+            "given twice: `set` also has `camera`",
+        ));
     }
     for (key, value) in given.table("camera").into_iter().flatten() {
         let change = format!("camera.{key}");
         if changes.insert(change.clone(), value.clone()).is_some() {
-            return Err(SchemaError {
-                path: format!("{path}.camera.{key}"),
-                problem: format!("given twice: `set` also has `{change}`"),
-                help: None,
-                key: key.clone(),
-            });
+            return Err(SchemaError::new(
+                format!("{path}.camera.{key}"),
+                key.clone(),
+                format!("given twice: `set` also has `{change}`"),
+            ));
         }
     }
     Ok(changes)

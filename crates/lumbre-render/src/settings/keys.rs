@@ -439,14 +439,7 @@ fn integer(value: Option<&Value>) -> Option<u32> {
 
 /// Checks the options of a scene: named strings, numbers and booleans.
 fn scene_options(value: &Value, path: &str) -> Result<BTreeMap<String, Value>, SchemaError> {
-    let fail = |problem: String, key: &str| {
-        Err(SchemaError {
-            path: path.to_owned(),
-            problem,
-            help: None,
-            key: key.to_owned(),
-        })
-    };
+    let fail = |problem: String, key: &str| Err(SchemaError::new(path, key, problem));
     let plain = |v: &Value| {
         matches!(
             v,
@@ -478,12 +471,11 @@ fn resolution(given: &Given<'_>) -> Result<Option<[u32; 2]>, SchemaError> {
     let sides: Option<Vec<u32>> = items.iter().map(|v| integer(Some(v))).collect();
     match sides.as_deref() {
         Some([width, height]) => Ok(Some([*width, *height])),
-        _ => Err(SchemaError {
-            path: given.at("resolution"),
-            problem: "expected a whole number of pixels in each direction".to_owned(),
-            help: None,
-            key: "resolution".to_owned(),
-        }),
+        _ => Err(SchemaError::new(
+            given.at("resolution"),
+            "resolution",
+            "expected a whole number of pixels in each direction",
+        )),
     }
 }
 

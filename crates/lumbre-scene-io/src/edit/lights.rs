@@ -1,6 +1,6 @@
 //! Settings of lights without a surface and of the environment.
 
-use super::{COORDINATE, POINT, name_and_param, problem, scalar, vector};
+use super::{COORDINATE, POINT, name_and_param, scalar, vector};
 use lumbre_light::scene::desc::light::CUTOFF_RANGE;
 use lumbre_light::scene::desc::{
     EnvironmentDesc, EnvironmentSampling, EnvironmentSource, LightDesc, LightKind, SceneDesc,
@@ -208,7 +208,7 @@ pub(super) fn set_light(
     };
     row.ty.check(path, param, value)?;
     if param == "direction" && vector(value) == glam::Vec3::ZERO {
-        return Err(problem(
+        return Err(SchemaError::new(
             path,
             param,
             "expected a direction, found a vector of length zero".to_owned(),
@@ -220,7 +220,7 @@ pub(super) fn set_light(
             LightKind::Directional { .. } => "a directional light",
             LightKind::Spot { .. } => "a spot light",
         };
-        let mut e = problem(
+        let mut e = SchemaError::new(
             path,
             param,
             format!("`{name}` is {what}, which has no `{param}`"),
@@ -250,7 +250,7 @@ pub(super) fn set_environment(
     };
     row.ty.check(path, param, value)?;
     let Some(environment) = &mut desc.environment else {
-        return Err(problem(
+        return Err(SchemaError::new(
             path,
             param,
             "the scene has no environment".to_owned(),

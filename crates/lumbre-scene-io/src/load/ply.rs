@@ -82,11 +82,7 @@ pub(super) fn decode_mesh(
     slot: &str,
     notes: &mut Vec<Note>,
 ) -> Result<MeshDesc, SceneError> {
-    let fail = |(place, problem)| SceneError::Malformed {
-        file: path.to_owned(),
-        place,
-        problem,
-    };
+    let fail = |(place, problem)| SceneError::malformed(path, place, problem);
     let (elements, mut source) = header(bytes).map_err(fail)?;
     let mut mesh = MeshDesc {
         file: path.to_owned(),
@@ -103,11 +99,7 @@ pub(super) fn decode_mesh(
     };
     let mut note = |message: &str| {
         let message = message.to_owned();
-        notes.push(Note {
-            file: path.to_owned(),
-            place: "header".to_owned(),
-            message,
-        });
+        notes.push(Note::new(path, "header", message));
     };
     for element in &elements {
         match element.name.as_str() {

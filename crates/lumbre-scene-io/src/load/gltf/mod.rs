@@ -117,11 +117,7 @@ struct GltfLoader<'a> {
 impl GltfLoader<'_> {
     fn note(&mut self, place: &str, message: impl Into<String>) {
         let (file, place, message) = (self.document.path.clone(), place.to_owned(), message.into());
-        self.notes.push(Note {
-            file,
-            place,
-            message,
-        });
+        self.notes.push(Note::new(file, place, message));
     }
 
     /// Returns a unique name: the given one, or the stem with a number.

@@ -56,10 +56,8 @@ impl SerializedFile {
         let decoded = self
             .expanded(index)
             .and_then(|(version, bytes)| decode(&self.path, version, &bytes));
-        decoded.map_err(|problem| SceneError::Malformed {
-            file: self.path.clone(),
-            place: format!("mesh {index}"),
-            problem,
+        decoded.map_err(|problem| {
+            SceneError::malformed(self.path.clone(), format!("mesh {index}"), problem)
         })
     }
 
