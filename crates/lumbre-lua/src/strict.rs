@@ -306,7 +306,6 @@ fn find_hole<'a>(indices: impl Iterator<Item = &'a i64>) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lumbre_light::value::schema::Field;
 
     fn eval(code: &str) -> (mlua::Lua, Lua) {
         let lua = mlua::Lua::new();
@@ -375,26 +374,11 @@ mod tests {
 
     #[test]
     fn schemas_split_data_from_objects() {
-        const SCHEMA: Table = Table {
-            name: "T",
-            doc: "",
-            fields: &[
-                Field {
-                    key: "from",
-                    ty: Ty::Object("fun()"),
-                    required: true,
-                    default: "",
-                    doc: "a function",
-                },
-                Field {
-                    key: "n",
-                    ty: Ty::Int { min: 1, max: 9 },
-                    required: false,
-                    default: "",
-                    doc: "",
-                },
-            ],
-        };
+        lumbre_light::table! {
+            const SCHEMA = "T", "";
+            from: Ty::Object("fun()"), "a function";
+            n = "": Ty::int(1, 9), "";
+        }
         let table = |code: &str| match eval(code) {
             (lua, Lua::Table(t)) => (lua, t),
             _ => unreachable!("the code returns a table"),

@@ -57,6 +57,23 @@ pub enum Ty {
     Any(&'static str),
 }
 
+impl Ty {
+    /// Returns the type of integers in `min..=max`.
+    pub const fn int(min: i64, max: i64) -> Ty {
+        Ty::Int { min, max }
+    }
+
+    /// Returns the type of finite numbers in `min..=max`.
+    pub const fn num(min: f64, max: f64) -> Ty {
+        Ty::Num { min, max }
+    }
+
+    /// Returns the type of lists of `len` finite numbers in `min..=max`.
+    pub const fn nums(len: usize, min: f64, max: f64) -> Ty {
+        Ty::Nums { len, min, max }
+    }
+}
+
 /// The name accepted by [`Ty::OrAuto`].
 pub const AUTO: &str = "auto";
 
@@ -113,6 +130,43 @@ pub struct Table {
     pub doc: &'static str,
     /// Fields in the order of the documentation.
     pub fields: &'static [Field],
+}
+
+/// Declares one field: `KEY: TYPE, "DOC"` is required, `KEY = "DEFAULT": TYPE, "DOC"` is not.
+#[macro_export]
+macro_rules! field {
+    ($key:ident: $ty:expr, $doc:expr) => {
+        $crate::value::schema::Field::required(stringify!($key), $ty, $doc)
+    };
+    ($key:ident = $default:literal: $ty:expr, $doc:expr) => {
+        $crate::value::schema::Field::optional(stringify!($key), $ty, $default, $doc)
+    };
+}
+
+/// Declares the schema of a table, with one row per field as in [`field!`](crate::field).
+///
+/// ```
+/// use lumbre_light::value::schema::Ty;
+///
+/// lumbre_light::table! {
+///     /// Options of a box.
+///     const BOX = "Box", "Box centred at the origin.";
+///     size: Ty::nums(3, 0.0, 1e9), "edge lengths along x, y and z";
+///     bevel = "0": Ty::num(0.0, 1e9), "radius of rounded edges";
+/// }
+/// assert_eq!(BOX.fields[1].default, "0");
+/// ```
+#[macro_export]
+macro_rules! table {
+    ($(#[$meta:meta])* $visible:vis const $NAME:ident = $name:literal, $doc:literal;
+     $($key:ident $(= $default:literal)?: $ty:expr, $field_doc:expr;)*) => {
+        $(#[$meta])*
+        $visible const $NAME: $crate::value::schema::Table = $crate::value::schema::Table {
+            name: $name,
+            doc: $doc,
+            fields: &[$($crate::field!($key $(= $default)?: $ty, $field_doc)),*],
+        };
+    };
 }
 
 /// A violation of a schema.

@@ -14,56 +14,26 @@ use crate::error::ScriptError;
 use crate::source::SourcePlace;
 use crate::state::{Purpose, Shared};
 use crate::strict;
-use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_light::value::schema::Ty;
 use lumbre_night::experiment::spec::Order;
 
 /// Largest number of skip rules of one experiment.
 const MAX_SKIPS: usize = 1000;
 
-/// Options of `experiment`.
-pub const EXPERIMENT: Table = Table {
-    name: "ExperimentOptions",
-    doc: "Options of `experiment`.",
-    fields: &[
-        Field {
-            key: "seed",
-            ty: Ty::Int {
-                min: 0,
-                max: i64::MAX,
-            },
-            required: false,
-            default: "0",
-            doc: "seed from which the random numbers of every run are derived",
-        },
-        Field {
-            key: "repeats",
-            ty: Ty::Int {
-                min: 1,
-                max: 10_000,
-            },
-            required: false,
-            default: "1",
-            doc: "number of runs of every cell, each with other random numbers",
-        },
-        Field {
-            key: "order",
-            ty: Ty::Word(Order::NAMES),
-            required: false,
-            default: "interleave",
-            doc: "order of cells: `interleave` is that of the axes with the techniques of one picture \
-                  alternating every half second, so that a slowdown of the machine affects all of \
-                  them; `sequential` is that of the axes, `shuffled` random by the seed",
-        },
-        Field {
-            key: "warmup",
-            ty: Ty::Table(&night::WARMUP),
-            required: false,
-            default: "none",
-            doc: "rendering before the clock of a cell starts, with other random numbers; its \
-                  result is discarded",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Options of `experiment`.
+    pub const EXPERIMENT = "ExperimentOptions", "Options of `experiment`.";
+    seed = "0": Ty::int(0, i64::MAX), "seed from which the random numbers of every run are derived";
+    repeats = "1": Ty::int(1, 10_000),
+        "number of runs of every cell, each with other random numbers";
+    order = "interleave": Ty::Word(Order::NAMES),
+        "order of cells: `interleave` is that of the axes with the techniques of one picture \
+         alternating every half second, so that a slowdown of the machine affects all of them; \
+         `sequential` is that of the axes, `shuffled` random by the seed";
+    warmup = "none": Ty::Table(&night::WARMUP),
+        "rendering before the clock of a cell starts, with other random numbers; its result is \
+         discarded";
+}
 
 /// Constructor of experiments.
 pub const GLOBALS: &[ApiFn] = &[ApiFn {

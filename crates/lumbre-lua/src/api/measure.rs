@@ -12,7 +12,7 @@ use crate::error::ScriptError;
 use crate::kind::{KIND, kind};
 use crate::state::Shared;
 use crate::strict;
-use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, duration_s, unknown_name};
+use lumbre_light::value::schema::{SchemaError, Ty, duration_s, unknown_name};
 use lumbre_light::value::{Value, suggest};
 use lumbre_metrics::tonemap::{TONEMAPS, Tonemap};
 use lumbre_metrics::{METRICS, MetricSpec};
@@ -42,59 +42,27 @@ const RESERVED: &[&str] = &[
     "stop",
 ];
 
-/// Option `keep` of `x:measure`.
-pub const KEEP: Table = Table {
-    name: "Keep",
-    doc: "Pictures that are stored for every run.",
-    fields: &[
-        Field {
-            key: "exr",
-            ty: Ty::Word(&["last", "pow2"]),
-            required: false,
-            default: "last",
-            doc: "OpenEXR pictures: `last` stores the final picture, `pow2` also one at every \
-                  power of two of samples per pixel",
-        },
-        Field {
-            key: "png",
-            ty: Ty::Word(&["last", "every"]),
-            required: false,
-            default: "last",
-            doc: "PNG pictures, tone-mapped by `display`: `last` stores the final picture, `every` \
-                  also one at every measurement",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Option `keep` of `x:measure`.
+    pub const KEEP = "Keep", "Pictures that are stored for every run.";
+    exr = "last": Ty::Word(&["last", "pow2"]),
+        "OpenEXR pictures: `last` stores the final picture, `pow2` also one at every power of two \
+         of samples per pixel";
+    png = "last": Ty::Word(&["last", "every"]),
+        "PNG pictures, tone-mapped by `display`: `last` stores the final picture, `every` also one \
+         at every measurement";
+}
 
-/// Argument of `x:measure`; every other key is a metric column.
-pub const MEASURE: Table = Table {
-    name: "Measure",
-    doc: "Measurements of a cell while it renders. Every other key names a column and holds a \
-          metric: rmse = metric.rmse().",
-    fields: &[
-        Field {
-            key: "every",
-            ty: Ty::Duration,
-            required: false,
-            default: "\"0.5s\"",
-            doc: "longest render time between two measurements, at least 0.01 s",
-        },
-        Field {
-            key: "keep",
-            ty: Ty::Table(&KEEP),
-            required: false,
-            default: "",
-            doc: "pictures that are stored for every run",
-        },
-        Field {
-            key: "display",
-            ty: Ty::Any("Tonemap"),
-            required: false,
-            default: "tonemap.srgb()",
-            doc: "tone map of PNG files and of the live picture",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Argument of `x:measure`; every other key is a metric column.
+    pub const MEASURE = "Measure",
+        "Measurements of a cell while it renders. Every other key names a column and holds a \
+         metric: rmse = metric.rmse().";
+    every = "\"0.5s\"": Ty::Duration,
+        "longest render time between two measurements, at least 0.01 s";
+    keep = "": Ty::Table(&KEEP), "pictures that are stored for every run";
+    display = "tonemap.srgb()": Ty::Any("Tonemap"), "tone map of PNG files and of the live picture";
+}
 
 /// Method that declares the measurements.
 pub const METHODS: &[ApiFn] = &[ApiFn {

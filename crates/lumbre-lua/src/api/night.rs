@@ -9,34 +9,17 @@ use super::{ApiFn, Args, Param};
 use crate::error::ScriptError;
 use crate::strict;
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, duration_s};
+use lumbre_light::value::schema::{SchemaError, Ty, duration_s};
 use lumbre_night::experiment::spec::{Deadline, Warmup};
 
-/// Option `warmup` of `experiment`.
-pub const WARMUP: Table = Table {
-    name: "Warmup",
-    doc: "Rendering before the clock of a cell starts; its result is discarded. Exactly one key is \
-          given.",
-    fields: &[
-        Field {
-            key: "time",
-            ty: Ty::Duration,
-            required: false,
-            default: "",
-            doc: "render time before the clock starts, above 0",
-        },
-        Field {
-            key: "samples",
-            ty: Ty::Int {
-                min: 1,
-                max: 1 << 53,
-            },
-            required: false,
-            default: "",
-            doc: "samples per pixel before the clock starts",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Option `warmup` of `experiment`.
+    pub const WARMUP = "Warmup",
+        "Rendering before the clock of a cell starts; its result is discarded. Exactly one key is \
+         given.";
+    time = "": Ty::Duration, "render time before the clock starts, above 0";
+    samples = "": Ty::int(1, 1 << 53), "samples per pixel before the clock starts";
+}
 
 /// Methods that set how nights run.
 pub const METHODS: &[ApiFn] = &[

@@ -6,42 +6,29 @@ use super::{ApiFn, Args, Param};
 use crate::error::ScriptError;
 use crate::strict::Fields;
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, duration_s};
+use lumbre_light::value::schema::{SchemaError, Ty, duration_s};
 use lumbre_night::experiment::spec::{NOTICE_PLACEHOLDERS, Notice, NoticeEvent};
 use lumbre_render::external::words;
 
 /// Longest time that a command may take by default, in seconds.
 const TIMEOUT_S: f64 = 30.0;
 
-/// Options of `x:notify`.
-pub const NOTIFY: Table = Table {
-    name: "Notify",
-    doc: "A command that is run at events of the night, beside it: the night waits for it only at \
-          its end.",
-    fields: &[
-        Field::required(
-            "command",
-            Ty::Str,
-            "program and arguments, run without a shell; quotes enclose words with spaces; \
-             placeholders: {event} is `end`, `failure` or `alarm`, {text} what happened, {name} the \
-             experiment, {folder} the night's folder",
-        ),
-        Field::optional(
-            "on",
-            Ty::OneOrMany(&Ty::Word(NoticeEvent::NAMES)),
-            "all of them",
-            "events that it is run for: the end of the night, a run that failed, or a bias check \
-             that found a difference",
-        ),
-        Field::optional(
-            "timeout",
-            Ty::Duration,
-            "30s",
-            "time after which the command is ended; a command that was ended is not run again in this \
-             night",
-        ),
-    ],
-};
+lumbre_light::table! {
+    /// Options of `x:notify`.
+    pub const NOTIFY = "Notify",
+        "A command that is run at events of the night, beside it: the night waits for it only at \
+         its end.";
+    command: Ty::Str,
+        "program and arguments, run without a shell; quotes enclose words with spaces; \
+         placeholders: {event} is `end`, `failure` or `alarm`, {text} what happened, {name} the \
+         experiment, {folder} the night's folder";
+    on = "all of them": Ty::OneOrMany(&Ty::Word(NoticeEvent::NAMES)),
+        "events that it is run for: the end of the night, a run that failed, or a bias check that \
+         found a difference";
+    timeout = "30s": Ty::Duration,
+        "time after which the command is ended; a command that was ended is not run again in this \
+         night";
+}
 
 /// Method that declares a notice.
 pub const METHODS: &[ApiFn] = &[ApiFn {

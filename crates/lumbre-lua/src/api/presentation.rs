@@ -8,44 +8,26 @@ use super::{ApiFn, Args, Param};
 use crate::error::ScriptError;
 use crate::strict;
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
+use lumbre_light::value::schema::{SchemaError, Ty};
 use lumbre_metrics::tonemap::Tonemap;
 use lumbre_night::experiment::spec::Presentation;
 
 /// Longest name in characters.
 const LONGEST_NAME: usize = 60;
 
-/// Options of `x:report`.
-pub const PRESENTATION: Table = Table {
-    name: "Presentation",
-    doc: "Presentation of the results. It changes neither a result nor an id.",
-    fields: &[
-        Field {
-            key: "names",
-            ty: Ty::Any("table<string, string>"),
-            required: false,
-            default: "",
-            doc: "names of techniques and of other axis values in figures and tables: names = { \
-                  bdpt = \"bidirectional\" }",
-        },
-        Field {
-            key: "colours",
-            ty: Ty::Any("table<string, string>"),
-            required: false,
-            default: "",
-            doc: "colours of techniques and of other axis values, as `#rrggbb`: colours = { bdpt = \
-                  \"#117733\" }",
-        },
-        Field {
-            key: "display",
-            ty: Ty::Any("Tonemap"),
-            required: false,
-            default: "sRGB with an exposure for each figure",
-            doc: "tone map of the crops and films in figures; exposure = 0 shows radiance 1 as \
-                  white",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Options of `x:report`.
+    pub const PRESENTATION = "Presentation",
+        "Presentation of the results. It changes neither a result nor an id.";
+    names = "": Ty::Any("table<string, string>"),
+        "names of techniques and of other axis values in figures and tables: names = { bdpt = \
+         \"bidirectional\" }";
+    colours = "": Ty::Any("table<string, string>"),
+        "colours of techniques and of other axis values, as `#rrggbb`: colours = { bdpt = \
+         \"#117733\" }";
+    display = "sRGB with an exposure for each figure": Ty::Any("Tonemap"),
+        "tone map of the crops and films in figures; exposure = 0 shows radiance 1 as white";
+}
 
 /// Method that sets the presentation.
 pub const METHODS: &[ApiFn] = &[ApiFn {

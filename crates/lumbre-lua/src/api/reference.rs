@@ -11,108 +11,47 @@ use crate::error::ScriptError;
 use crate::kind::kind;
 use crate::strict::Fields;
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, duration_s};
+use lumbre_light::value::schema::{SchemaError, Ty, duration_s};
 use lumbre_night::experiment::StopRule;
 
-/// Option `agree` of `x:reference`.
-pub const AGREE: Table = Table {
-    name: "Agree",
-    doc: "Bias check: a second technique that must converge to the same picture as the reference. \
-          A difference raises an alarm with a map of the differing blocks.",
-    fields: &[
-        Field {
-            key: "with",
-            ty: Ty::Any("string|RenderChanges"),
-            required: true,
-            default: "",
-            doc: "integrator of the second picture, or a table with it, its parameters and other \
-                  differences from the reference's render table; parameters of the reference's own \
-                  integrator are not inherited",
-        },
-        Field {
-            key: "time",
-            ty: Ty::Duration,
-            required: false,
-            default: "the reference's stop rule",
-            doc: "render time of the second picture",
-        },
-        Field {
-            key: "samples",
-            ty: Ty::Int {
-                min: 2,
-                max: 1 << 53,
-            },
-            required: false,
-            default: "the reference's stop rule",
-            doc: "samples per pixel of the second picture",
-        },
-        Field {
-            key: "rate",
-            ty: Ty::Num {
-                min: 1e-9,
-                max: 0.5,
-            },
-            required: false,
-            default: "0.01",
-            doc: "accepted rate of false discoveries among the blocks reported as different; if \
-                  nothing differs, the probability of an alarm",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Option `agree` of `x:reference`.
+    pub const AGREE = "Agree",
+        "Bias check: a second technique that must converge to the same picture as the reference. A \
+         difference raises an alarm with a map of the differing blocks.";
+    with: Ty::Any("string|RenderChanges"),
+        "integrator of the second picture, or a table with it, its parameters and other \
+         differences from the reference's render table; parameters of the reference's own \
+         integrator are not inherited";
+    time = "the reference's stop rule": Ty::Duration, "render time of the second picture";
+    samples = "the reference's stop rule": Ty::int(2, 1 << 53),
+        "samples per pixel of the second picture";
+    rate = "0.01": Ty::num(1e-9, 0.5),
+        "accepted rate of false discoveries among the blocks reported as different; if nothing \
+         differs, the probability of an alarm";
+}
 
-/// Options of `x:reference`.
-pub const REFERENCE: Table = Table {
-    name: "Reference",
-    doc: "Reference of the cells: a picture that is rendered first and stored, or an image file.",
-    fields: &[
-        Field {
-            key: "from",
-            ty: Ty::Object("fun(p: Point): RenderChanges"),
-            required: false,
-            default: "the cell's own render table",
-            doc: "function that returns the differences from the cell's render table; `set`, `aa`, \
-                  `camera`, `rr` and `scene_options` are merged key by key",
-        },
-        Field {
-            key: "stop",
-            ty: Ty::Object("StopRule|fun(p: Point): StopRule"),
-            required: false,
-            default: "",
-            doc: "stop rule of the reference, or a function that returns the rule for each cell's \
-                  reference; required unless `image` is given",
-        },
-        Field {
-            key: "agree",
-            ty: Ty::Table(&AGREE),
-            required: false,
-            default: "no comparison",
-            doc: "second technique with which the reference is compared, block by block",
-        },
-        Field {
-            key: "parts",
-            ty: Ty::Int { min: 1, max: 4096 },
-            required: false,
-            default: "1",
-            doc: "number of shards (ranges of samples) that workers render at the same time; only \
-                  with `stop.samples`",
-        },
-        Field {
-            key: "image",
-            ty: Ty::Object("string|fun(p: Point): string"),
-            required: false,
-            default: "",
-            doc: "OpenEXR file instead of a rendered reference, relative to the current folder or \
-                  else to the script's; or a function that returns the file",
-        },
-        Field {
-            key: "source",
-            ty: Ty::Str,
-            required: false,
-            default: "",
-            doc: "with `image`: origin of the image, printed wherever the reference is named",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Options of `x:reference`.
+    pub const REFERENCE = "Reference",
+        "Reference of the cells: a picture that is rendered first and stored, or an image file.";
+    from = "the cell's own render table": Ty::Object("fun(p: Point): RenderChanges"),
+        "function that returns the differences from the cell's render table; `set`, `aa`, \
+         `camera`, `rr` and `scene_options` are merged key by key";
+    stop = "": Ty::Object("StopRule|fun(p: Point): StopRule"),
+        "stop rule of the reference, or a function that returns the rule for each cell's \
+         reference; required unless `image` is given";
+    agree = "no comparison": Ty::Table(&AGREE),
+        "second technique with which the reference is compared, block by block";
+    parts = "1": Ty::int(1, 4096),
+        "number of shards (ranges of samples) that workers render at the same time; only with \
+         `stop.samples`";
+    image = "": Ty::Object("string|fun(p: Point): string"),
+        "OpenEXR file instead of a rendered reference, relative to the current folder or else to \
+         the script's; or a function that returns the file";
+    source = "": Ty::Str,
+        "with `image`: origin of the image, printed wherever the reference is named";
+}
 
 /// Method that declares the reference.
 pub const METHODS: &[ApiFn] = &[ApiFn {

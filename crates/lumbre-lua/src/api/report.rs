@@ -8,7 +8,7 @@ use crate::kind::{KIND, kind};
 use crate::source::SourcePlace;
 use crate::strict;
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
+use lumbre_light::value::schema::{SchemaError, Ty};
 use lumbre_night::experiment::spec::{
     FigureKind, FigureSpec, FigureX, RunColumn, TableFormat, TableSpec, TableValue,
 };
@@ -16,86 +16,31 @@ use lumbre_night::experiment::spec::{
 /// Largest number of figures, and of tables, of one experiment.
 const MAX_REPORTS: usize = 64;
 
-/// Options of `x:figure`.
-pub const FIGURE: Table = Table {
-    name: "Figure",
-    doc: "Figure with curves; one picture for each combination of facet values.",
-    fields: &[
-        Field {
-            key: "x",
-            ty: Ty::Str,
-            required: false,
-            default: "render_s",
-            doc: FigureX::X_DOC,
-        },
-        Field {
-            key: "y",
-            ty: Ty::Object("string|TimeTo|(string|TimeTo)[]"),
-            required: true,
-            default: "",
-            doc: "metric columns, one panel each; over an axis of the sweep, everything that a \
-                  table can show",
-        },
-        Field {
-            key: "by",
-            ty: Ty::Str,
-            required: false,
-            default: "one curve per cell; over an axis, one per combination of the other axes",
-            doc: "axis whose values are different curves",
-        },
-        Field {
-            key: "facet",
-            ty: Ty::OneOrMany(&Ty::Str),
-            required: false,
-            default: "one picture",
-            doc: "axes whose values are different pictures",
-        },
-        Field {
-            key: "only",
-            ty: Ty::Any("table<string, any>"),
-            required: false,
-            default: "all values",
-            doc: "values of axes to draw, one value or a list for each axis: only = { builder = \
-                  \"sah\" }",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Options of `x:figure`.
+    pub const FIGURE = "Figure",
+        "Figure with curves; one picture for each combination of facet values.";
+    x = "render_s": Ty::Str, FigureX::X_DOC;
+    y: Ty::Object("string|TimeTo|(string|TimeTo)[]"),
+        "metric columns, one panel each; over an axis of the sweep, everything that a table can \
+         show";
+    by = "one curve per cell; over an axis, one per combination of the other axes": Ty::Str,
+        "axis whose values are different curves";
+    facet = "one picture": Ty::OneOrMany(&Ty::Str), "axes whose values are different pictures";
+    only = "all values": Ty::Any("table<string, any>"),
+        "values of axes to draw, one value or a list for each axis: only = { builder = \"sah\" }";
+}
 
-/// Options of `x:table`.
-pub const TABLE: Table = Table {
-    name: "ResultTable",
-    doc: "Table over axes. Values of all other axes and of repeats are averaged.",
-    fields: &[
-        Field {
-            key: "value",
-            ty: Ty::Object("string|TimeTo"),
-            required: true,
-            default: "",
-            doc: RunColumn::VALUE_DOC,
-        },
-        Field {
-            key: "rows",
-            ty: Ty::OneOrMany(&Ty::Str),
-            required: true,
-            default: "",
-            doc: "axes whose values are the rows",
-        },
-        Field {
-            key: "cols",
-            ty: Ty::OneOrMany(&Ty::Str),
-            required: false,
-            default: "a single column",
-            doc: "axes whose values are the columns",
-        },
-        Field {
-            key: "format",
-            ty: Ty::OneOrMany(&Ty::Word(&["md", "csv"])),
-            required: false,
-            default: "both",
-            doc: "file formats: `md` is Markdown, `csv` is comma-separated values",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Options of `x:table`.
+    pub const TABLE = "ResultTable",
+        "Table over axes. Values of all other axes and of repeats are averaged.";
+    value: Ty::Object("string|TimeTo"), RunColumn::VALUE_DOC;
+    rows: Ty::OneOrMany(&Ty::Str), "axes whose values are the rows";
+    cols = "a single column": Ty::OneOrMany(&Ty::Str), "axes whose values are the columns";
+    format = "both": Ty::OneOrMany(&Ty::Word(&["md", "csv"])),
+        "file formats: `md` is Markdown, `csv` is comma-separated values";
+}
 
 /// Constructor of a table's value.
 pub const GLOBALS: &[ApiFn] = &[ApiFn {

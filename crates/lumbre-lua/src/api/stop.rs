@@ -8,7 +8,7 @@ use super::{ApiFn, Args, Param};
 use crate::error::ScriptError;
 use crate::kind::kind;
 use crate::strict;
-use lumbre_light::value::schema::{Field, Table, Ty, duration_s};
+use lumbre_light::value::schema::{Ty, duration_s};
 use lumbre_light::value::suggest;
 use lumbre_night::experiment::StopRule;
 use lumbre_night::experiment::stop::Comparison;
@@ -30,59 +30,26 @@ const COMPARISONS: &[(&str, Comparison)] = &[
     (">=", Comparison::GreaterEqual),
 ];
 
-/// Options of `stop.when`.
-pub const WHEN: Table = Table {
-    name: "WhenOptions",
-    doc: "Options of `stop.when`.",
-    fields: &[Field {
-        key: "hold",
-        ty: Ty::Int {
-            min: 1,
-            max: 1_000_000,
-        },
-        required: false,
-        default: "1",
-        doc: "number of consecutive measurements that must fulfil the comparison",
-    }],
-};
+lumbre_light::table! {
+    /// Options of `stop.when`.
+    pub const WHEN = "WhenOptions", "Options of `stop.when`.";
+    hold = "1": Ty::int(1, 1_000_000),
+        "number of consecutive measurements that must fulfil the comparison";
+}
 
-/// Options of `stop.plateau`.
-pub const PLATEAU: Table = Table {
-    name: "PlateauOptions",
-    doc: "Options of `stop.plateau`.",
-    fields: &[
-        Field {
-            key: "slope",
-            ty: Ty::Num {
-                min: -10.0,
-                max: -1e-6,
-            },
-            required: false,
-            default: "-0.1",
-            doc: "slope of log(error) over log(render time) above which the error counts as \
-                  constant; an unbiased technique has -0.5",
-        },
-        Field {
-            key: "over",
-            ty: Ty::Num { min: 1.5, max: 1e6 },
-            required: false,
-            default: "4",
-            doc: "length of the fitted interval as a ratio of render times: 4 uses the last three \
-                  quarters of the time",
-        },
-        Field {
-            key: "p",
-            ty: Ty::Num {
-                min: 1e-9,
-                max: 0.5,
-            },
-            required: false,
-            default: "0.01",
-            doc: "significance level: the rule stops if a slope as flat as the measured one had a \
-                  smaller probability under the requested slope",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Options of `stop.plateau`.
+    pub const PLATEAU = "PlateauOptions", "Options of `stop.plateau`.";
+    slope = "-0.1": Ty::num(-10.0, -1e-6),
+        "slope of log(error) over log(render time) above which the error counts as constant; an \
+         unbiased technique has -0.5";
+    over = "4": Ty::num(1.5, 1e6),
+        "length of the fitted interval as a ratio of render times: 4 uses the last three quarters \
+         of the time";
+    p = "0.01": Ty::num(1e-9, 0.5),
+        "significance level: the rule stops if a slope as flat as the measured one had a smaller \
+         probability under the requested slope";
+}
 
 /// Constructors of stop rules.
 pub const RULES: &[ApiFn] = &[

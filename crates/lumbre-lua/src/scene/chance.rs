@@ -7,49 +7,19 @@ use crate::error::ScriptError;
 use crate::kind::KIND;
 use lumbre_light::math::rng::{pcg4d, unit};
 use lumbre_light::scene::noise;
-use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_light::value::schema::Ty;
 
 /// Largest number of points of one `scatter`.
 const MAX_POINTS: i64 = 1_000_000;
 
-/// Options of `scatter`.
-pub const SCATTER: Table = Table {
-    name: "Scatter",
-    doc: "Points on a rectangle in the plane y = 0, centred at the origin.",
-    fields: &[
-        Field {
-            key: "size",
-            ty: Ty::Nums {
-                len: 2,
-                min: 1e-9,
-                max: 1e9,
-            },
-            required: true,
-            default: "",
-            doc: "lengths of the rectangle along x and z, in scene units",
-        },
-        Field {
-            key: "count",
-            ty: Ty::Int {
-                min: 1,
-                max: MAX_POINTS,
-            },
-            required: true,
-            default: "",
-            doc: "number of points",
-        },
-        Field {
-            key: "seed",
-            ty: Ty::Int {
-                min: 0,
-                max: u32::MAX as i64,
-            },
-            required: false,
-            default: "0",
-            doc: "seed of the offset of the sequence",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Options of `scatter`.
+    pub const SCATTER = "Scatter",
+        "Points on a rectangle in the plane y = 0, centred at the origin.";
+    size: Ty::nums(2, 1e-9, 1e9), "lengths of the rectangle along x and z, in scene units";
+    count: Ty::int(1, MAX_POINTS), "number of points";
+    seed = "0": Ty::int(0, u32::MAX as i64), "seed of the offset of the sequence";
+}
 
 /// Functions of this module for scripts.
 pub const GLOBALS: &[ApiFn] = &[

@@ -10,29 +10,15 @@ use crate::kind::kind;
 use crate::strict;
 use lumbre_light::scene::desc::{MATERIAL_PARAMS, MaterialDesc, TextureSlot};
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, unknown_name};
+use lumbre_light::value::schema::{SchemaError, Ty, unknown_name};
 
-/// Options of `s:material` besides parameters and textures.
-pub const MATERIAL_OPTIONS: Table = Table {
-    name: "MaterialOptions",
-    doc: "Options of a material besides its parameters.",
-    fields: &[
-        Field {
-            key: "from",
-            ty: Ty::Str,
-            required: false,
-            default: "white and rough",
-            doc: "name of a material of the scene whose values are the defaults",
-        },
-        Field {
-            key: "emitter_reflects",
-            ty: Ty::Bool,
-            required: false,
-            default: "true",
-            doc: "whether an emitting surface also reflects light",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Options of `s:material` besides parameters and textures.
+    pub const MATERIAL_OPTIONS = "MaterialOptions", "Options of a material besides its parameters.";
+    from = "white and rough": Ty::Str,
+        "name of a material of the scene whose values are the defaults";
+    emitter_reflects = "true": Ty::Bool, "whether an emitting surface also reflects light";
+}
 
 /// Implements `s:material`: adds a material to the scene.
 ///

@@ -11,6 +11,7 @@ use crate::api::{ApiFn, Args, Param};
 use crate::error::ScriptError;
 use crate::kind::{KIND, kind};
 use crate::strict::{self, Fields, numbers};
+use lumbre_light::field;
 use lumbre_light::scene::desc::Transform;
 use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
 use lumbre_scene_io::names::UniqueNames;
@@ -18,32 +19,16 @@ use lumbre_scene_io::names::UniqueNames;
 /// Largest number of shapes in nested groups.
 const MAX_LEAVES: usize = 1 << 22;
 
-const NUMBERS_3: Ty = Ty::Nums {
-    len: 3,
-    min: -1e9,
-    max: 1e9,
-};
+const NUMBERS_3: Ty = Ty::nums(3, -1e9, 1e9);
 
-const AT: Field = Field {
-    key: "at",
-    ty: NUMBERS_3,
-    required: false,
-    default: "{ 0, 0, 0 }",
-    doc: "position of its origin, in scene units",
+const AT: Field = field!(at = "{ 0, 0, 0 }": NUMBERS_3, "position of its origin, in scene units");
+const ROTATE: Field = field! {
+    rotate = "0": Ty::Any("number|number[]"),
+        "rotation in degrees: about +y, or { x, y, z } about the three axes"
 };
-const ROTATE: Field = Field {
-    key: "rotate",
-    ty: Ty::Any("number|number[]"),
-    required: false,
-    default: "0",
-    doc: "rotation in degrees: about +y, or { x, y, z } about the three axes",
-};
-const SCALE: Field = Field {
-    key: "scale",
-    ty: Ty::Any("number|number[]"),
-    required: false,
-    default: "1",
-    doc: "scale factor, or one for each of x, y and z; a negative factor mirrors",
+const SCALE: Field = field! {
+    scale = "1": Ty::Any("number|number[]"),
+        "scale factor, or one for each of x, y and z; a negative factor mirrors"
 };
 
 /// Placement without a shape.
@@ -59,37 +44,22 @@ pub const PART: Table = Table {
     doc: "Shape or group with a placement: scaled first, then rotated about z, y and x, then \
           moved.",
     fields: &[
-        Field {
-            key: "shape",
-            ty: Ty::Object("Shape|Group"),
-            required: true,
-            default: "",
-            doc: "shape or group",
+        field!(shape: Ty::Object("Shape|Group"), "shape or group"),
+        field! {
+            name = "the material's, with a number": Ty::Str,
+                "name for changes with `set`: entities.NAME.position, or \
+                 entities.GROUP/NAME.position for a part of a group"
         },
-        Field {
-            key: "name",
-            ty: Ty::Str,
-            required: false,
-            default: "the material's, with a number",
-            doc: "name for changes with `set`: entities.NAME.position, or \
-                  entities.GROUP/NAME.position for a part of a group",
-        },
-        Field {
-            key: "material",
-            ty: Ty::Str,
-            required: false,
-            default: "the group's",
-            doc: "name of its material; the material of a group applies to its parts without one",
+        field! {
+            material = "the group's": Ty::Str,
+                "name of its material; the material of a group applies to its parts without one"
         },
         AT,
         ROTATE,
         SCALE,
-        Field {
-            key: "anisotropic_direction",
-            ty: NUMBERS_3,
-            required: false,
-            default: "the material's",
-            doc: "world-space direction along which highlights are stretched",
+        field! {
+            anisotropic_direction = "the material's": NUMBERS_3,
+                "world-space direction along which highlights are stretched"
         },
     ],
 };

@@ -10,99 +10,33 @@ use crate::error::ScriptError;
 use crate::kind::KIND;
 use lumbre_light::scene::desc::{Lookup, Texels, TextureDesc, TextureFilter, Wrap};
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_light::value::schema::Ty;
 use lumbre_scene_io::load;
 
-/// Options of `texture.paint`.
-pub const PAINT: Table = Table {
-    name: "Paint",
-    doc: "Picture that a function computes.",
-    fields: &[
-        Field {
-            key: "size",
-            ty: Ty::Nums {
-                len: 2,
-                min: 1.0,
-                max: 4096.0,
-            },
-            required: true,
-            default: "",
-            doc: "width and height in texels",
-        },
-        Field {
-            key: "color",
-            ty: Ty::Object("fun(u: number, v: number): number, number?, number?"),
-            required: true,
-            default: "",
-            doc: "function that returns red, green and blue, or one number for all three, at the \
-                  centre of each texel; u grows to the right and v upwards, both from 0 to 1",
-        },
-        Field {
-            key: "linear",
-            ty: Ty::Bool,
-            required: false,
-            default: "false",
-            doc: "`true`: linear radiance without an upper bound, for environments and emission; \
-                  `false`: display values from 0 to 1, decoded from sRGB if the texture is a \
-                  colour",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Options of `texture.paint`.
+    pub const PAINT = "Paint", "Picture that a function computes.";
+    size: Ty::nums(2, 1.0, 4096.0), "width and height in texels";
+    color: Ty::Object("fun(u: number, v: number): number, number?, number?"),
+        "function that returns red, green and blue, or one number for all three, at the centre of \
+         each texel; u grows to the right and v upwards, both from 0 to 1";
+    linear = "false": Ty::Bool,
+        "`true`: linear radiance without an upper bound, for environments and emission; `false`: \
+         display values from 0 to 1, decoded from sRGB if the texture is a colour";
+}
 
-/// Options of `texture.lay`.
-pub const LAY: Table = Table {
-    name: "Lay",
-    doc: "Mapping of one texture on a surface, instead of that of its material.",
-    fields: &[
-        Field::optional(
-            "wrap",
-            Ty::OneOrMany(&Ty::Word(Wrap::NAMES)),
-            "repeat",
-            "treatment of coordinates outside 0 to 1; one word, or a list of those of u and v",
-        ),
-        Field::optional(
-            "filter",
-            Ty::Word(TextureFilter::NAMES),
-            "bilinear",
-            "interpolation between the centres of four texels, or the texel that is `nearest`",
-        ),
-        Field::optional(
-            "scale",
-            Ty::Nums {
-                len: 2,
-                min: -1e6,
-                max: 1e6,
-            },
-            "{ 1, 1 }",
-            "number of repetitions along u and v",
-        ),
-        Field::optional(
-            "rotation",
-            Ty::Num {
-                min: -1e6,
-                max: 1e6,
-            },
-            "0",
-            "rotation in degrees, applied after the scale",
-        ),
-        Field::optional(
-            "offset",
-            Ty::Nums {
-                len: 2,
-                min: -1e6,
-                max: 1e6,
-            },
-            "{ 0, 0 }",
-            "offset of u and v, applied last",
-        ),
-        Field::optional(
-            "second",
-            Ty::Bool,
-            "false",
-            "whether it uses the mesh's `second_uvs`",
-        ),
-    ],
-};
+lumbre_light::table! {
+    /// Options of `texture.lay`.
+    pub const LAY = "Lay", "Mapping of one texture on a surface, instead of that of its material.";
+    wrap = "repeat": Ty::OneOrMany(&Ty::Word(Wrap::NAMES)),
+        "treatment of coordinates outside 0 to 1; one word, or a list of those of u and v";
+    filter = "bilinear": Ty::Word(TextureFilter::NAMES),
+        "interpolation between the centres of four texels, or the texel that is `nearest`";
+    scale = "{ 1, 1 }": Ty::nums(2, -1e6, 1e6), "number of repetitions along u and v";
+    rotation = "0": Ty::num(-1e6, 1e6), "rotation in degrees, applied after the scale";
+    offset = "{ 0, 0 }": Ty::nums(2, -1e6, 1e6), "offset of u and v, applied last";
+    second = "false": Ty::Bool, "whether it uses the mesh's `second_uvs`";
+}
 
 /// Constructors of textures.
 pub const GLOBALS: &[ApiFn] = &[
