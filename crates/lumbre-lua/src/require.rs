@@ -5,17 +5,9 @@ use std::path::PathBuf;
 use mlua::chunk::ChunkMode;
 use mlua::{Lua, Value as LuaValue};
 
-use super::api::{Args, Param};
+use super::api::Args;
 use super::error::ScriptError;
 use super::source;
-
-/// Parameters of `require`, for the annotations and the reference page.
-pub const PARAMS: &[Param] = &[Param {
-    name: "name",
-    ty: "string",
-    doc: "Name of the module: `lib.boxes` or `lib/boxes` is the file `lib/boxes.lua` beside the \
-          script.",
-}];
 
 /// Key of the table of loaded modules in the Lua registry.
 const LOADED: &str = "lumbre.modules";

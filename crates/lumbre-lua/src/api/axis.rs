@@ -2,7 +2,7 @@
 
 use mlua::Value as LuaValue;
 
-use super::{ApiFn, Args, Param};
+use super::{ApiFn, Args, functions};
 use crate::error::ScriptError;
 use lumbre_light::value::Value;
 use lumbre_light::value::suggest;
@@ -20,114 +20,50 @@ const MAX_VALUES_OF_ALL: usize = 300_000;
 /// Longest string that may be the value of an axis, in bytes. It becomes part of a folder name.
 const MAX_TEXT: usize = 120;
 
-const FROM: Param = Param {
-    name: "first",
-    ty: "number",
-    doc: "First value.",
-};
+functions! {
+    /// Constructors of value lists.
+    pub const GLOBALS;
+    "range" -> "number[]" = range,
+        "Returns the values from first to last in exact decimal steps: range(0.1, 0.5, 0.1) is { \
+         0.1, 0.2, 0.3, 0.4, 0.5 }." {
+        "first": "number", "First value.";
+        "last": "number", "Last value; it is included if the steps reach it exactly.";
+        "step?": "number",
+            "Step between values, default 1; a negative step counts down. Zero is an error.";
+    }
+    "linspace" -> "number[]" = linspace, "Returns evenly spaced values from first to last." {
+        "first": "number", "First value.";
+        "last": "number", "Last value, always included.";
+        "count": "integer", "Number of values, from 2 to 100000.";
+    }
+    "logspace" -> "number[]" = logspace,
+        "Returns geometrically spaced values from first to last. Values in between are rounded to \
+         12 digits." {
+        "first": "number", "First value, above 0.";
+        "last": "number", "Last value, above 0, always included.";
+        "count": "integer", "Number of values, from 2 to 100000.";
+    }
+    "zip" -> "any[][]" = zip,
+        "Combines several lists to one list of tuples: zip({3, 5}, {0.5, 1}) is {{3, 0.5}, {5, \
+         1}}." {
+        "...": "any[]", "At least two lists of equal length.";
+    }
+}
 
-/// Constructors of value lists.
-pub const GLOBALS: &[ApiFn] = &[
-    ApiFn {
-        name: "range",
-        params: &[
-            FROM,
-            Param {
-                name: "last",
-                ty: "number",
-                doc: "Last value; it is included if the steps reach it exactly.",
-            },
-            Param {
-                name: "step?",
-                ty: "number",
-                doc: "Step between values, default 1; a negative step counts down. Zero is an \
-                      error.",
-            },
-        ],
-        returns: "number[]",
-        doc: "Returns the values from first to last in exact decimal steps: range(0.1, 0.5, 0.1) \
-              is { 0.1, 0.2, 0.3, 0.4, 0.5 }.",
-        call: range,
-    },
-    ApiFn {
-        name: "linspace",
-        params: &[
-            FROM,
-            Param {
-                name: "last",
-                ty: "number",
-                doc: "Last value, always included.",
-            },
-            Param {
-                name: "count",
-                ty: "integer",
-                doc: "Number of values, from 2 to 100000.",
-            },
-        ],
-        returns: "number[]",
-        doc: "Returns evenly spaced values from first to last.",
-        call: linspace,
-    },
-    ApiFn {
-        name: "logspace",
-        params: &[
-            Param {
-                name: "first",
-                ty: "number",
-                doc: "First value, above 0.",
-            },
-            Param {
-                name: "last",
-                ty: "number",
-                doc: "Last value, above 0, always included.",
-            },
-            Param {
-                name: "count",
-                ty: "integer",
-                doc: "Number of values, from 2 to 100000.",
-            },
-        ],
-        returns: "number[]",
-        doc: "Returns geometrically spaced values from first to last. Values in between are \
-              rounded to 12 digits.",
-        call: logspace,
-    },
-    ApiFn {
-        name: "zip",
-        params: &[Param {
-            name: "...",
-            ty: "any[]",
-            doc: "At least two lists of equal length.",
-        }],
-        returns: "any[][]",
-        doc: "Combines several lists to one list of tuples: zip({3, 5}, {0.5, 1}) is {{3, 0.5}, \
-              {5, 1}}.",
-        call: zip,
-    },
-];
-
-/// Method that declares an axis.
-pub const METHODS: &[ApiFn] = &[ApiFn {
-    name: "x:axis",
-    params: &[
-        Param {
-            name: "name",
-            ty: "string|string[]",
-            doc: "Name of the axis: functions read its value as `p.NAME`. A list of names declares \
-                  parameters that vary together.",
-        },
-        Param {
-            name: "values",
-            ty: "any[]",
-            doc: "List of at most 100000 numbers, strings, booleans or lists; for several names, a \
-                  list of tuples as returned by zip.",
-        },
-    ],
-    returns: "",
-    doc: "Declares an axis of the sweep. The first axis varies slowest. Parameters that vary \
-          together are declared as x:axis({\"depth\", \"radius\"}, zip({3, 5}, {0.5, 1})).",
-    call: axis,
-}];
+functions! {
+    /// Method that declares an axis.
+    pub const METHODS;
+    "x:axis" = axis,
+        "Declares an axis of the sweep. The first axis varies slowest. Parameters that vary \
+         together are declared as x:axis({\"depth\", \"radius\"}, zip({3, 5}, {0.5, 1}))." {
+        "name": "string|string[]",
+            "Name of the axis: functions read its value as `p.NAME`. A list of names declares \
+             parameters that vary together.";
+        "values": "any[]",
+            "List of at most 100000 numbers, strings, booleans or lists; for several names, a list \
+             of tuples as returned by zip.";
+    }
+}
 
 /// Returns a Lua list of numbers; whole numbers become integers.
 fn numbers(args: &Args, values: &[f64]) -> Result<LuaValue, ScriptError> {

@@ -37,6 +37,31 @@ pub struct ApiFn {
     pub call: fn(&Args) -> Result<LuaValue, ScriptError>,
 }
 
+/// Declares a table of functions, with one row per function and parameter. A function that returns
+/// nothing has no `->`.
+///
+/// ```text
+/// "NAME" -> "RETURNED TYPE" = IMPLEMENTATION, "DOC" {
+///     "PARAMETER": "TYPE", "DOC";
+/// }
+/// ```
+macro_rules! functions {
+    ($(#[$meta:meta])* $visible:vis const $ROWS:ident;
+     $($name:literal $(-> $returns:literal)? = $call:expr, $doc:literal {
+         $($param:literal: $ty:literal, $param_doc:literal;)*
+     })*) => {
+        $(#[$meta])*
+        $visible const $ROWS: &[ApiFn] = &[$(ApiFn {
+            name: $name,
+            params: &[$($crate::api::Param { name: $param, ty: $ty, doc: $param_doc }),*],
+            returns: concat!("" $(, $returns)?),
+            doc: $doc,
+            call: $call,
+        }),*];
+    };
+}
+pub(crate) use functions;
+
 /// Arguments of one call, and the state of the script that makes it.
 pub struct Args {
     /// State of the script.

@@ -7,7 +7,7 @@ use mlua::Value as LuaValue;
 use super::builder::{Builder, Head, Reference, Stop};
 use super::stop_rule::{cell_rules, reference_rules, rule_from_value};
 use super::{
-    ApiFn, Args, Param, axis, measure, night, notify, presentation, reference, report,
+    ApiFn, Args, axis, functions, measure, night, notify, presentation, reference, report,
     report_checks,
 };
 use crate::error::ScriptError;
@@ -35,26 +35,17 @@ lumbre_light::table! {
          discarded";
 }
 
-/// Constructor of experiments.
-pub const GLOBALS: &[ApiFn] = &[ApiFn {
-    name: "experiment",
-    params: &[
-        Param {
-            name: "name",
-            ty: "string",
-            doc: "Name of the experiment and of its results folder: at most 64 letters, digits, \
-                  `_` and `-`.",
-        },
-        Param {
-            name: "options?",
-            ty: "ExperimentOptions",
-            doc: "Seed, repeats, order and warm-up.",
-        },
-    ],
-    returns: "Experiment",
-    doc: "Creates an experiment. A script creates exactly one, calls its methods, and returns it.",
-    call: experiment,
-}];
+functions! {
+    /// Constructor of experiments.
+    pub const GLOBALS;
+    "experiment" -> "Experiment" = experiment,
+        "Creates an experiment. A script creates exactly one, calls its methods, and returns it." {
+        "name": "string",
+            "Name of the experiment and of its results folder: at most 64 letters, digits, `_` and \
+             `-`.";
+        "options?": "ExperimentOptions", "Seed, repeats, order and warm-up.";
+    }
+}
 
 /// Methods of an experiment, in the order of the annotations.
 pub const METHODS: &[&[ApiFn]] = &[
@@ -69,51 +60,26 @@ pub const METHODS: &[&[ApiFn]] = &[
     presentation::METHODS,
 ];
 
-/// Methods that declare what to render.
-const OWN_METHODS: &[ApiFn] = &[
-    ApiFn {
-        name: "x:skip",
-        params: &[
-            Param {
-                name: "reason",
-                ty: "string",
-                doc: "Reason, which the plan prints: 1 to 300 characters.",
-            },
-            Param {
-                name: "rule",
-                ty: "fun(p: Point): boolean?",
-                doc: "Function that returns true for points to skip.",
-            },
-        ],
-        returns: "",
-        doc: "Skips points of the sweep.",
-        call: skip,
-    },
-    ApiFn {
-        name: "x:render",
-        params: &[Param {
-            name: "f",
-            ty: "fun(p: Point): Render",
-            doc: "Function that returns the render table of a point.",
-        }],
-        returns: "",
-        doc: "Sets what is rendered at each point of the sweep.",
-        call: render,
-    },
-];
+functions! {
+    /// Methods that declare what to render.
+    const OWN_METHODS;
+    "x:skip" = skip, "Skips points of the sweep." {
+        "reason": "string", "Reason, which the plan prints: 1 to 300 characters.";
+        "rule": "fun(p: Point): boolean?", "Function that returns true for points to skip.";
+    }
+    "x:render" = render, "Sets what is rendered at each point of the sweep." {
+        "f": "fun(p: Point): Render", "Function that returns the render table of a point.";
+    }
+}
 
-/// Method that declares the stop rule of cells.
-const RULE_METHODS: &[ApiFn] = &[ApiFn {
-    name: "x:stop",
-    params: &[Param {
-        name: "rule",
-        ty: "StopRule|fun(p: Point): StopRule",
-        doc: "One rule for all cells, or a function that returns the rule of each cell.",
-    }],
-    returns: "",
-    doc: "Sets when a cell is finished.",
-    call: stop,
-}];
+functions! {
+    /// Method that declares the stop rule of cells.
+    const RULE_METHODS;
+    "x:stop" = stop, "Sets when a cell is finished." {
+        "rule": "StopRule|fun(p: Point): StopRule",
+            "One rule for all cells, or a function that returns the rule of each cell.";
+    }
+}
 
 fn experiment(args: &Args) -> Result<LuaValue, ScriptError> {
     let name = args.text(0, "name")?;

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use mlua::Value as LuaValue;
 
 use super::render_schema::RENDER;
-use super::{ApiFn, Args, Param};
+use super::{ApiFn, Args, functions};
 use crate::error::ScriptError;
 use crate::state::{Purpose, Shared};
 use lumbre_light::transport::integrator::external::PREFIX;
@@ -17,19 +17,16 @@ use lumbre_render::external::technique::{
 };
 use lumbre_render::settings::find::find_file;
 
-/// Constructor of techniques of other programs.
-pub const GLOBALS: &[ApiFn] = &[ApiFn {
-    name: "external",
-    params: &[Param {
-        name: "options",
-        ty: "External",
-        doc: "Command of the program, and where its scene and its times come from.",
-    }],
-    returns: "string",
-    doc: "Declares another renderer as a technique and returns its name, a value for `integrator`. \
-          Runs nothing: commands run only with permission, when the night renders.",
-    call: external,
-}];
+functions! {
+    /// Constructor of techniques of other programs.
+    pub const GLOBALS;
+    "external" -> "string" = external,
+        "Declares another renderer as a technique and returns its name, a value for `integrator`. \
+         Runs nothing: commands run only with permission, when the night renders." {
+        "options": "External",
+            "Command of the program, and where its scene and its times come from.";
+    }
+}
 
 fn external(args: &Args) -> Result<LuaValue, ScriptError> {
     if !args.shared.loading.get() || !matches!(args.shared.purpose, Purpose::Experiment) {

@@ -7,7 +7,7 @@ use std::rc::Rc;
 use mlua::{Lua, MultiValue, UserData, UserDataFields, Value as LuaValue};
 
 use super::axis::is_name;
-use super::{ApiFn, Args, Param};
+use super::{ApiFn, Args, functions};
 use crate::error::ScriptError;
 use crate::kind::{KIND, kind};
 use crate::state::Shared;
@@ -64,19 +64,15 @@ lumbre_light::table! {
     display = "tonemap.srgb()": Ty::Any("Tonemap"), "tone map of PNG files and of the live picture";
 }
 
-/// Method that declares the measurements.
-pub const METHODS: &[ApiFn] = &[ApiFn {
-    name: "x:measure",
-    params: &[Param {
-        name: "options",
-        ty: "Measure",
-        doc: "Metric columns, interval and stored pictures.",
-    }],
-    returns: "",
-    doc: "Declares the metrics that compare a cell with its reference while it renders, and the \
-          pictures that are stored.",
-    call: measure,
-}];
+functions! {
+    /// Method that declares the measurements.
+    pub const METHODS;
+    "x:measure" = measure,
+        "Declares the metrics that compare a cell with its reference while it renders, and the \
+         pictures that are stored." {
+        "options": "Measure", "Metric columns, interval and stored pictures.";
+    }
+}
 
 /// Lua object of a metric that is not yet assigned to a column.
 #[derive(Clone, Debug)]

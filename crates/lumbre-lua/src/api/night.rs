@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use mlua::Value as LuaValue;
 
-use super::{ApiFn, Args, Param};
+use super::{ApiFn, Args, functions};
 use crate::error::ScriptError;
 use crate::strict;
 use lumbre_light::value::Value;
@@ -21,50 +21,32 @@ lumbre_light::table! {
     samples = "": Ty::int(1, 1 << 53), "samples per pixel before the clock starts";
 }
 
-/// Methods that set how nights run.
-pub const METHODS: &[ApiFn] = &[
-    ApiFn {
-        name: "x:checkpoint",
-        params: &[Param {
-            name: "every",
-            ty: "string|number",
-            doc: "Render time between two checkpoints, above 0: seconds, or text such as \"60s\".",
-        }],
-        returns: "",
-        doc: "Sets how often an unfinished cell is saved, so that an interrupted night resumes \
-              from its last checkpoint. Default: every 60 s of render time, and less often if \
-              saving would take more than 1 % of it.",
-        call: checkpoint,
-    },
-    ApiFn {
-        name: "x:deadline",
-        params: &[Param {
-            name: "at",
-            ty: "string",
-            doc: "Time of day such as \"08:00\", or duration such as \"7.5h\".",
-        }],
-        returns: "",
-        doc: "Sets when a night ends, finished or not. Cells are then ordered from coarse to fine, \
-              so that the finished ones form a complete smaller grid. The option `--until` of the \
-              command line replaces it.",
-        call: deadline,
-    },
-    ApiFn {
-        name: "x:control",
-        params: &[Param {
-            name: "which?",
-            ty: "fun(p: Point): boolean?",
-            doc: "Function that returns true for the points to check. Default: the first technique \
-                  of every picture.",
-        }],
-        returns: "",
-        doc: "Adds an A/A check: renders the chosen points twice, with two seeds, as if they were \
-              two techniques. Every difference between the two is a false discovery and is \
-              reported with its confidence interval, which shows how large a difference has to be \
-              to matter. The duplicates do not appear in tables or figures.",
-        call: control,
-    },
-];
+functions! {
+    /// Methods that set how nights run.
+    pub const METHODS;
+    "x:checkpoint" = checkpoint,
+        "Sets how often an unfinished cell is saved, so that an interrupted night resumes from its \
+         last checkpoint. Default: every 60 s of render time, and less often if saving would take \
+         more than 1 % of it." {
+        "every": "string|number",
+            "Render time between two checkpoints, above 0: seconds, or text such as \"60s\".";
+    }
+    "x:deadline" = deadline,
+        "Sets when a night ends, finished or not. Cells are then ordered from coarse to fine, so \
+         that the finished ones form a complete smaller grid. The option `--until` of the command \
+         line replaces it." {
+        "at": "string", "Time of day such as \"08:00\", or duration such as \"7.5h\".";
+    }
+    "x:control" = control,
+        "Adds an A/A check: renders the chosen points twice, with two seeds, as if they were two \
+         techniques. Every difference between the two is a false discovery and is reported with \
+         its confidence interval, which shows how large a difference has to be to matter. The \
+         duplicates do not appear in tables or figures." {
+        "which?": "fun(p: Point): boolean?",
+            "Function that returns true for the points to check. Default: the first technique of \
+             every picture.";
+    }
+}
 
 /// Returns the only argument as plain data.
 fn one_value(args: &Args) -> Result<Value, ScriptError> {

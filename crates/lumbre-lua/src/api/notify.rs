@@ -2,7 +2,7 @@
 
 use mlua::Value as LuaValue;
 
-use super::{ApiFn, Args, Param};
+use super::{ApiFn, Args, functions};
 use crate::error::ScriptError;
 use crate::strict::Fields;
 use lumbre_light::value::Value;
@@ -30,21 +30,17 @@ lumbre_light::table! {
          night";
 }
 
-/// Method that declares a notice.
-pub const METHODS: &[ApiFn] = &[ApiFn {
-    name: "x:notify",
-    params: &[Param {
-        name: "options",
-        ty: "Notify",
-        doc: "Command and events.",
-    }],
-    returns: "",
-    doc: "Runs a command at the end of a night, when a run fails, and when a bias check finds a \
-          difference. May be called several times. Commands run only with --allow-commands or after \
-          the question in the terminal was answered, and `lumbre plan` shows them. A command that \
-          fails is a warning.",
-    call: notify,
-}];
+functions! {
+    /// Method that declares a notice.
+    pub const METHODS;
+    "x:notify" = notify,
+        "Runs a command at the end of a night, when a run fails, and when a bias check finds a \
+         difference. May be called several times. Commands run only with --allow-commands or after \
+         the question in the terminal was answered, and `lumbre plan` shows them. A command that \
+         fails is a warning." {
+        "options": "Notify", "Command and events.";
+    }
+}
 
 fn notify(args: &Args) -> Result<LuaValue, ScriptError> {
     let fields = args.fields(0, "options", &NOTIFY, "notify")?;

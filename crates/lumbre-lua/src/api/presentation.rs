@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use mlua::Value as LuaValue;
 
-use super::{ApiFn, Args, Param};
+use super::{ApiFn, Args, functions};
 use crate::error::ScriptError;
 use crate::strict;
 use lumbre_light::value::Value;
@@ -29,18 +29,13 @@ lumbre_light::table! {
         "tone map of the crops and films in figures; exposure = 0 shows radiance 1 as white";
 }
 
-/// Method that sets the presentation.
-pub const METHODS: &[ApiFn] = &[ApiFn {
-    name: "x:report",
-    params: &[Param {
-        name: "options",
-        ty: "Presentation",
-        doc: "Names, colours and tone map.",
-    }],
-    returns: "",
-    doc: "Sets how figures, tables and reports present the results.",
-    call: report,
-}];
+functions! {
+    /// Method that sets the presentation.
+    pub const METHODS;
+    "x:report" = report, "Sets how figures, tables and reports present the results." {
+        "options": "Presentation", "Names, colours and tone map.";
+    }
+}
 
 fn report(args: &Args) -> Result<LuaValue, ScriptError> {
     let options = args.table(0, "options")?;

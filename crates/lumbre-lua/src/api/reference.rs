@@ -6,7 +6,7 @@ use mlua::{Function, Value as LuaValue};
 
 use super::builder::{BiasCheck, Reference, RenderedReference, Stop};
 use super::stop_rule::rule_from_value;
-use super::{ApiFn, Args, Param};
+use super::{ApiFn, Args, functions};
 use crate::error::ScriptError;
 use crate::kind::kind;
 use crate::strict::Fields;
@@ -53,18 +53,14 @@ lumbre_light::table! {
         "with `image`: origin of the image, printed wherever the reference is named";
 }
 
-/// Method that declares the reference.
-pub const METHODS: &[ApiFn] = &[ApiFn {
-    name: "x:reference",
-    params: &[Param {
-        name: "options",
-        ty: "Reference",
-        doc: "Rendering or file of the reference.",
-    }],
-    returns: "",
-    doc: "Sets the reference with which cells are compared. Without it, no metrics are measured.",
-    call: reference,
-}];
+functions! {
+    /// Method that declares the reference.
+    pub const METHODS;
+    "x:reference" = reference,
+        "Sets the reference with which cells are compared. Without it, no metrics are measured." {
+        "options": "Reference", "Rendering or file of the reference.";
+    }
+}
 
 fn reference(args: &Args) -> Result<LuaValue, ScriptError> {
     let fields = args.fields(0, "options", &REFERENCE, "reference")?;

@@ -2,7 +2,7 @@
 
 use mlua::{UserData, UserDataFields, Value as LuaValue};
 
-use super::{ApiFn, Args, Param};
+use super::{ApiFn, Args, functions};
 use crate::error::ScriptError;
 use crate::kind::{KIND, kind};
 use crate::source::SourcePlace;
@@ -42,69 +42,34 @@ lumbre_light::table! {
         "file formats: `md` is Markdown, `csv` is comma-separated values";
 }
 
-/// Constructor of a table's value.
-pub const GLOBALS: &[ApiFn] = &[ApiFn {
-    name: "time_to",
-    params: &[
-        Param {
-            name: "column",
-            ty: "string",
-            doc: "Name of a metric column of x:measure.",
-        },
-        Param {
-            name: "threshold",
-            ty: "number",
-            doc: "Value to reach, coming from worse values, in the unit of the metric.",
-        },
-    ],
-    returns: "TimeTo",
-    doc: "Returns a value for tables and figures over axes: render time in seconds until a metric \
-          reached a threshold for good.",
-    call: time_to,
-}];
+functions! {
+    /// Constructor of a table's value.
+    pub const GLOBALS;
+    "time_to" -> "TimeTo" = time_to,
+        "Returns a value for tables and figures over axes: render time in seconds until a metric \
+         reached a threshold for good." {
+        "column": "string", "Name of a metric column of x:measure.";
+        "threshold": "number",
+            "Value to reach, coming from worse values, in the unit of the metric.";
+    }
+}
 
-/// Methods that declare figures and tables.
-pub const METHODS: &[ApiFn] = &[
-    ApiFn {
-        name: "x:table",
-        params: &[
-            Param {
-                name: "name",
-                ty: "string",
-                doc: "Name of its files, without extension: at most 60 letters, digits, `_`, `-` \
-                      and `.`.",
-            },
-            Param {
-                name: "options",
-                ty: "ResultTable",
-                doc: "Value, rows and columns.",
-            },
-        ],
-        returns: "",
-        doc: "Adds a table of the results, which is written when the night ends.",
-        call: table,
-    },
-    ApiFn {
-        name: "x:figure",
-        params: &[
-            Param {
-                name: "name",
-                ty: "string",
-                doc: "Name of its files, without extension: at most 60 letters, digits, `_`, `-` \
-                      and `.`.",
-            },
-            Param {
-                name: "options",
-                ty: "Figure",
-                doc: "Axes and columns to draw.",
-            },
-        ],
-        returns: "",
-        doc: "Adds a figure: errors over the course of runs, or final results over an axis of the \
-              sweep.",
-        call: figure,
-    },
-];
+functions! {
+    /// Methods that declare figures and tables.
+    pub const METHODS;
+    "x:table" = table, "Adds a table of the results, which is written when the night ends." {
+        "name": "string",
+            "Name of its files, without extension: at most 60 letters, digits, `_`, `-` and `.`.";
+        "options": "ResultTable", "Value, rows and columns.";
+    }
+    "x:figure" = figure,
+        "Adds a figure: errors over the course of runs, or final results over an axis of the \
+         sweep." {
+        "name": "string",
+            "Name of its files, without extension: at most 60 letters, digits, `_`, `-` and `.`.";
+        "options": "Figure", "Axes and columns to draw.";
+    }
+}
 
 /// Lua object of `time_to(column, threshold)`.
 #[derive(Clone, Debug)]

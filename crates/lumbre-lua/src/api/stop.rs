@@ -4,7 +4,7 @@ use mlua::Value as LuaValue;
 
 use super::rule::{Rule, RuleObject};
 use super::stop_rule::rule_from_value;
-use super::{ApiFn, Args, Param};
+use super::{ApiFn, Args, functions};
 use crate::error::ScriptError;
 use crate::kind::kind;
 use crate::strict;
@@ -51,146 +51,54 @@ lumbre_light::table! {
          probability under the requested slope";
 }
 
-/// Constructors of stop rules.
-pub const RULES: &[ApiFn] = &[
-    ApiFn {
-        name: "stop.time",
-        params: &[Param {
-            name: "time",
-            ty: "number|string",
-            doc: "Render time above 0: seconds, or text such as \"50s\" or \"5min\".",
-        }],
-        returns: "StopRule",
-        doc: "Stops when the render time, which excludes measuring and saving, reaches a limit.",
-        call: time,
-    },
-    ApiFn {
-        name: "stop.samples",
-        params: &[Param {
-            name: "count",
-            ty: "integer",
-            doc: "Samples per pixel, at least 1.",
-        }],
-        returns: "StopRule",
-        doc: "Stops when every pixel has exactly this many samples.",
-        call: |args| counted(args, StopRule::Samples),
-    },
-    ApiFn {
-        name: "stop.waves",
-        params: &[Param {
-            name: "count",
-            ty: "integer",
-            doc: "Number of waves, at least 1.",
-        }],
-        returns: "StopRule",
-        doc: "Stops after this many waves.",
-        call: |args| counted(args, StopRule::Waves),
-    },
-    ApiFn {
-        name: "stop.when",
-        params: &[
-            Param {
-                name: "column",
-                ty: "string",
-                doc: "Name of a metric column of x:measure.",
-            },
-            Param {
-                name: "comparison",
-                ty: "\"<\"|\"<=\"|\">\"|\">=\"",
-                doc: "Comparison of the column with the threshold.",
-            },
-            Param {
-                name: "value",
-                ty: "number",
-                doc: "Threshold in the unit of the metric.",
-            },
-            Param {
-                name: "options?",
-                ty: "WhenOptions",
-                doc: "Number of measurements for which the comparison must hold.",
-            },
-        ],
-        returns: "StopRule",
-        doc: "Stops when a metric passes a threshold.",
-        call: when,
-    },
-    ApiFn {
-        name: "stop.plateau",
-        params: &[
-            Param {
-                name: "column",
-                ty: "string",
-                doc: "Name of a metric column of x:measure.",
-            },
-            Param {
-                name: "options?",
-                ty: "PlateauOptions",
-                doc: "Slope, interval and significance.",
-            },
-        ],
-        returns: "StopRule",
-        doc: "Stops when an error no longer falls: when the slope of its logarithm over the \
-              logarithm of render time is significantly flatter than requested. More time is then \
-              useless, since only bias or the noise of the reference is left.",
-        call: plateau,
-    },
-    ApiFn {
-        name: "stop.nan",
-        params: &[Param {
-            name: "count",
-            ty: "integer",
-            doc: "Number of invalid samples, at least 1.",
-        }],
-        returns: "StopRule",
-        doc: "Stops when at least this many samples were NaN or infinite.",
-        call: |args| counted(args, StopRule::Nan),
-    },
-    ApiFn {
-        name: "stop.predicate",
-        params: &[Param {
-            name: "f",
-            ty: "fun(row: Row, history: Row[]): boolean?",
-            doc: "Function that is called after every measurement with the newest row and all \
-                  rows, oldest first.",
-        }],
-        returns: "StopRule",
-        doc: "Stops when the function returns true.",
-        call: predicate,
-    },
-    ApiFn {
-        name: "stop.any",
-        params: &[Param {
-            name: "...",
-            ty: "StopRule|StopRule[]",
-            doc: "Rules, as arguments or in one list.",
-        }],
-        returns: "StopRule",
-        doc: "Stops when at least one of the rules is fulfilled.",
-        call: any,
-    },
-    ApiFn {
-        name: "stop.all",
-        params: &[Param {
-            name: "...",
-            ty: "StopRule|StopRule[]",
-            doc: "Rules, as arguments or in one list.",
-        }],
-        returns: "StopRule",
-        doc: "Stops when all rules are fulfilled at the same time.",
-        call: all,
-    },
-    ApiFn {
-        name: "stop.not_",
-        params: &[Param {
-            name: "rule",
-            ty: "StopRule",
-            doc: "Rule to negate.",
-        }],
-        returns: "StopRule",
-        doc: "Stops when the rule is not fulfilled.",
-        call: not,
-    },
-];
+functions! {
+    /// Constructors of stop rules.
+    pub const RULES;
+    "stop.time" -> "StopRule" = time,
+        "Stops when the render time, which excludes measuring and saving, reaches a limit." {
+        "time": "number|string",
+            "Render time above 0: seconds, or text such as \"50s\" or \"5min\".";
+    }
+    "stop.samples" -> "StopRule" = |args| counted(args, StopRule::Samples),
+        "Stops when every pixel has exactly this many samples." {
+        "count": "integer", "Samples per pixel, at least 1.";
+    }
+    "stop.waves" -> "StopRule" = |args| counted(args, StopRule::Waves),
+        "Stops after this many waves." {
+        "count": "integer", "Number of waves, at least 1.";
+    }
+    "stop.when" -> "StopRule" = when, "Stops when a metric passes a threshold." {
+        "column": "string", "Name of a metric column of x:measure.";
+        "comparison": "\"<\"|\"<=\"|\">\"|\">=\"", "Comparison of the column with the threshold.";
+        "value": "number", "Threshold in the unit of the metric.";
+        "options?": "WhenOptions", "Number of measurements for which the comparison must hold.";
+    }
+    "stop.plateau" -> "StopRule" = plateau,
+        "Stops when an error no longer falls: when the slope of its logarithm over the logarithm \
+         of render time is significantly flatter than requested. More time is then useless, since \
+         only bias or the noise of the reference is left." {
+        "column": "string", "Name of a metric column of x:measure.";
+        "options?": "PlateauOptions", "Slope, interval and significance.";
+    }
+    "stop.nan" -> "StopRule" = |args| counted(args, StopRule::Nan),
+        "Stops when at least this many samples were NaN or infinite." {
+        "count": "integer", "Number of invalid samples, at least 1.";
+    }
+    "stop.predicate" -> "StopRule" = predicate, "Stops when the function returns true." {
+        "f": "fun(row: Row, history: Row[]): boolean?",
+            "Function that is called after every measurement with the newest row and all rows, \
+             oldest first.";
+    }
+    "stop.any" -> "StopRule" = any, "Stops when at least one of the rules is fulfilled." {
+        "...": "StopRule|StopRule[]", "Rules, as arguments or in one list.";
+    }
+    "stop.all" -> "StopRule" = all, "Stops when all rules are fulfilled at the same time." {
+        "...": "StopRule|StopRule[]", "Rules, as arguments or in one list.";
+    }
+    "stop.not_" -> "StopRule" = not, "Stops when the rule is not fulfilled." {
+        "rule": "StopRule", "Rule to negate.";
+    }
+}
 
 /// Creates the Lua object of a rule.
 fn rule_object(args: &Args, rule: Rule) -> Result<LuaValue, ScriptError> {

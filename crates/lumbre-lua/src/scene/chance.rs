@@ -2,7 +2,7 @@
 
 use mlua::{UserData, UserDataFields, UserDataMethods, Value as LuaValue};
 
-use crate::api::{ApiFn, Args, Param};
+use crate::api::{ApiFn, Args, functions};
 use crate::error::ScriptError;
 use crate::kind::KIND;
 use lumbre_light::math::rng::{pcg4d, unit};
@@ -21,63 +21,30 @@ lumbre_light::table! {
     seed = "0": Ty::int(0, u32::MAX as i64), "seed of the offset of the sequence";
 }
 
-/// Functions of this module for scripts.
-pub const GLOBALS: &[ApiFn] = &[
-    ApiFn {
-        name: "random",
-        params: &[Param {
-            name: "seed",
-            ty: "integer",
-            doc: "Seed of the stream, from 0 to 4294967295.",
-        }],
-        returns: "Random",
-        doc: "Returns a stream of random numbers that is the same in every run: r:next() is at \
-              least 0 and below 1, r:between(a, b) is uniform between a and b, r:integer(a, b) \
-              includes both ends, r:pick(list) is an item of a list.",
-        call: random,
-    },
-    ApiFn {
-        name: "scatter",
-        params: &[Param {
-            name: "options",
-            ty: "Scatter",
-            doc: "Rectangle, number and seed.",
-        }],
-        returns: "number[][]",
-        doc: "Returns points that are evenly spread without a visible pattern: the plastic-number \
-              sequence [Roberts 2018], offset by the seed.",
-        call: scatter,
-    },
-    ApiFn {
-        name: "noise",
-        params: &[
-            Param {
-                name: "x",
-                ty: "number",
-                doc: "First coordinate; the noise varies on a scale of 1.",
-            },
-            Param {
-                name: "y",
-                ty: "number",
-                doc: "Second coordinate.",
-            },
-            Param {
-                name: "z?",
-                ty: "number",
-                doc: "Third coordinate, default 0.",
-            },
-            Param {
-                name: "octaves?",
-                ty: "integer",
-                doc: "Number of octaves from 1 to 16, default 1; each has twice the frequency and \
-                      half the amplitude of the previous one.",
-            },
-        ],
-        returns: "number",
-        doc: "Returns gradient noise [Perlin 2002]: smooth, mostly between -1 and 1, with mean 0.",
-        call: noise_at,
-    },
-];
+functions! {
+    /// Functions of this module for scripts.
+    pub const GLOBALS;
+    "random" -> "Random" = random,
+        "Returns a stream of random numbers that is the same in every run: r:next() is at least 0 \
+         and below 1, r:between(a, b) is uniform between a and b, r:integer(a, b) includes both \
+         ends, r:pick(list) is an item of a list." {
+        "seed": "integer", "Seed of the stream, from 0 to 4294967295.";
+    }
+    "scatter" -> "number[][]" = scatter,
+        "Returns points that are evenly spread without a visible pattern: the plastic-number \
+         sequence [Roberts 2018], offset by the seed." {
+        "options": "Scatter", "Rectangle, number and seed.";
+    }
+    "noise" -> "number" = noise_at,
+        "Returns gradient noise [Perlin 2002]: smooth, mostly between -1 and 1, with mean 0." {
+        "x": "number", "First coordinate; the noise varies on a scale of 1.";
+        "y": "number", "Second coordinate.";
+        "z?": "number", "Third coordinate, default 0.";
+        "octaves?": "integer",
+            "Number of octaves from 1 to 16, default 1; each has twice the frequency and half the \
+             amplitude of the previous one.";
+    }
+}
 
 /// Lua object of a stream of random numbers.
 #[derive(Debug)]

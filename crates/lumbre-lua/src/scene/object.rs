@@ -6,7 +6,7 @@ use mlua::Value as LuaValue;
 use super::schema::{CAMERA, SCENE};
 use super::shape_object::ShapeObject;
 use super::{import, lighting, material, part};
-use crate::api::{ApiFn, Args, Param, method_object};
+use crate::api::{ApiFn, Args, functions, method_object};
 use crate::error::{Problem, ScriptError};
 use crate::state::Purpose;
 use crate::strict;
@@ -15,141 +15,56 @@ use lumbre_light::scene::desc::{
 };
 use lumbre_light::value::Value;
 
-/// Constructor of scenes.
-pub const GLOBALS: &[ApiFn] = &[ApiFn {
-    name: "scene",
-    params: &[Param {
-        name: "options?",
-        ty: "SceneOptions",
-        doc: "Resolution and path depth.",
-    }],
-    returns: "Scene",
-    doc: "Creates a scene. A scene file creates exactly one, calls its methods, and returns it.",
-    call: scene,
-}];
+functions! {
+    /// Constructor of scenes.
+    pub const GLOBALS;
+    "scene" -> "Scene" = scene,
+        "Creates a scene. A scene file creates exactly one, calls its methods, and returns it." {
+        "options?": "SceneOptions", "Resolution and path depth.";
+    }
+}
 
-/// Methods of a scene.
-pub const METHODS: &[ApiFn] = &[
-    ApiFn {
-        name: "s:option",
-        params: &[
-            Param {
-                name: "name",
-                ty: "string",
-                doc: "Name of the option in `scene_options` of a render table.",
-            },
-            Param {
-                name: "values",
-                ty: "any",
-                doc: "List of the accepted strings, numbers or booleans, the default first; or \
-                      only a default, which accepts every value of its kind.",
-            },
-        ],
-        returns: "any",
-        doc: "Declares an option that experiments can set, and returns its value.",
-        call: option,
-    },
-    ApiFn {
-        name: "s:camera",
-        params: &[Param {
-            name: "options",
-            ty: "SceneCamera",
-            doc: "Position, lens and sensor of the camera.",
-        }],
-        returns: "",
-        doc: "Sets the camera, which is used unless a render table chooses a `view`.",
-        call: camera,
-    },
-    ApiFn {
-        name: "s:view",
-        params: &[
-            Param {
-                name: "name",
-                ty: "string",
-                doc: "Name of the view, for `view = NAME` in a render table.",
-            },
-            Param {
-                name: "options",
-                ty: "SceneCamera",
-                doc: "Position, lens and sensor of the camera.",
-            },
-        ],
-        returns: "",
-        doc: "Adds a named camera. The first view is the scene's camera if s:camera is not called.",
-        call: view,
-    },
-    ApiFn {
-        name: "s:material",
-        params: &[
-            Param {
-                name: "name",
-                ty: "string",
-                doc: "Name of the material, for parts and for changes with `set`.",
-            },
-            Param {
-                name: "options",
-                ty: "SceneMaterial",
-                doc: "Parameters and textures.",
-            },
-        ],
-        returns: "",
-        doc: "Adds a material.",
-        call: material::material,
-    },
-    ApiFn {
-        name: "s:add",
-        params: &[Param {
-            name: "part",
-            ty: "Part",
-            doc: "Shape or group with placement and material.",
-        }],
-        returns: "",
-        doc: "Adds a shape or a group to the scene.",
-        call: add,
-    },
-    ApiFn {
-        name: "s:light",
-        params: &[Param {
-            name: "options",
-            ty: "SceneLight",
-            doc: "Position or direction, and intensity.",
-        }],
-        returns: "",
-        doc: "Adds a point, directional or spot light. Surfaces emit light through the `emission` \
-              of their material.",
-        call: lighting::light,
-    },
-    ApiFn {
-        name: "s:environment",
-        params: &[Param {
-            name: "options",
-            ty: "SceneEnvironment",
-            doc: "Colour or map, rotation and scale.",
-        }],
-        returns: "",
-        doc: "Sets the light from the environment. A scene has at most one.",
-        call: lighting::environment,
-    },
-    ApiFn {
-        name: "s:import",
-        params: &[
-            Param {
-                name: "file",
-                ty: "string",
-                doc: "Scene file of any known format, relative to the folder of this file.",
-            },
-            Param {
-                name: "options?",
-                ty: "Import",
-                doc: "Names, materials, placement and lights.",
-            },
-        ],
-        returns: "",
-        doc: "Takes in the entities and materials of another scene file. A material that is \
-              declared before under the same name takes the place of the file's.",
-        call: import::import,
-    },
-];
+functions! {
+    /// Methods of a scene.
+    pub const METHODS;
+    "s:option" -> "any" = option,
+        "Declares an option that experiments can set, and returns its value." {
+        "name": "string", "Name of the option in `scene_options` of a render table.";
+        "values": "any",
+            "List of the accepted strings, numbers or booleans, the default first; or only a \
+             default, which accepts every value of its kind.";
+    }
+    "s:camera" = camera, "Sets the camera, which is used unless a render table chooses a `view`." {
+        "options": "SceneCamera", "Position, lens and sensor of the camera.";
+    }
+    "s:view" = view,
+        "Adds a named camera. The first view is the scene's camera if s:camera is not called." {
+        "name": "string", "Name of the view, for `view = NAME` in a render table.";
+        "options": "SceneCamera", "Position, lens and sensor of the camera.";
+    }
+    "s:material" = material::material, "Adds a material." {
+        "name": "string", "Name of the material, for parts and for changes with `set`.";
+        "options": "SceneMaterial", "Parameters and textures.";
+    }
+    "s:add" = add, "Adds a shape or a group to the scene." {
+        "part": "Part", "Shape or group with placement and material.";
+    }
+    "s:light" = lighting::light,
+        "Adds a point, directional or spot light. Surfaces emit light through the `emission` of \
+         their material." {
+        "options": "SceneLight", "Position or direction, and intensity.";
+    }
+    "s:environment" = lighting::environment,
+        "Sets the light from the environment. A scene has at most one." {
+        "options": "SceneEnvironment", "Colour or map, rotation and scale.";
+    }
+    "s:import" = import::import,
+        "Takes in the entities and materials of another scene file. A material that is declared \
+         before under the same name takes the place of the file's." {
+        "file": "string", "Scene file of any known format, relative to the folder of this file.";
+        "options?": "Import", "Names, materials, placement and lights.";
+    }
+}
 
 fn scene(args: &Args) -> Result<LuaValue, ScriptError> {
     if matches!(args.shared.purpose, Purpose::Experiment) {

@@ -7,7 +7,7 @@ use glam::{Affine3A, EulerRot, Quat, Vec3};
 use mlua::{UserData, UserDataFields, Value as LuaValue};
 
 use super::shape_object::ShapeObject;
-use crate::api::{ApiFn, Args, Param};
+use crate::api::{ApiFn, Args, functions};
 use crate::error::ScriptError;
 use crate::kind::{KIND, kind};
 use crate::strict::{self, Fields, numbers};
@@ -64,19 +64,15 @@ pub const PART: Table = Table {
     ],
 };
 
-/// Constructor of groups.
-pub const GLOBALS: &[ApiFn] = &[ApiFn {
-    name: "group",
-    params: &[Param {
-        name: "parts",
-        ty: "Part[]",
-        doc: "List of shapes and groups, each with its placement.",
-    }],
-    returns: "Group",
-    doc: "Combines parts to a group that can be added any number of times; its meshes are stored \
-          once.",
-    call: group,
-}];
+functions! {
+    /// Constructor of groups.
+    pub const GLOBALS;
+    "group" -> "Group" = group,
+        "Combines parts to a group that can be added any number of times; its meshes are stored \
+         once." {
+        "parts": "Part[]", "List of shapes and groups, each with its placement.";
+    }
+}
 
 /// Shape or group with a placement.
 #[derive(Clone, Debug)]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{Affine2, Vec2};
 use mlua::{UserData, UserDataFields, Value as LuaValue, Variadic};
 
-use crate::api::{ApiFn, Args, Param};
+use crate::api::{ApiFn, Args, functions};
 use crate::error::ScriptError;
 use crate::kind::KIND;
 use lumbre_light::scene::desc::{Lookup, Texels, TextureDesc, TextureFilter, Wrap};
@@ -38,50 +38,22 @@ lumbre_light::table! {
     second = "false": Ty::Bool, "whether it uses the mesh's `second_uvs`";
 }
 
-/// Constructors of textures.
-pub const GLOBALS: &[ApiFn] = &[
-    ApiFn {
-        name: "texture.file",
-        params: &[Param {
-            name: "path",
-            ty: "string",
-            doc: "Image file, relative to the scene's folder.",
-        }],
-        returns: "Texture",
-        doc: "Returns a texture from an image file.",
-        call: file,
-    },
-    ApiFn {
-        name: "texture.paint",
-        params: &[Param {
-            name: "options",
-            ty: "Paint",
-            doc: "Size and colours.",
-        }],
-        returns: "Texture",
-        doc: "Returns a texture whose colours a function computes.",
-        call: paint,
-    },
-    ApiFn {
-        name: "texture.lay",
-        params: &[
-            Param {
-                name: "texture",
-                ty: "Texture|string",
-                doc: "Texture, or the name of an image file.",
-            },
-            Param {
-                name: "options",
-                ty: "Lay",
-                doc: "Mapping of the texture.",
-            },
-        ],
-        returns: "Texture",
-        doc: "Returns the same texture with another mapping, which replaces that of an earlier \
-              `texture.lay`.",
-        call: lay,
-    },
-];
+functions! {
+    /// Constructors of textures.
+    pub const GLOBALS;
+    "texture.file" -> "Texture" = file, "Returns a texture from an image file." {
+        "path": "string", "Image file, relative to the scene's folder.";
+    }
+    "texture.paint" -> "Texture" = paint, "Returns a texture whose colours a function computes." {
+        "options": "Paint", "Size and colours.";
+    }
+    "texture.lay" -> "Texture" = lay,
+        "Returns the same texture with another mapping, which replaces that of an earlier \
+         `texture.lay`." {
+        "texture": "Texture|string", "Texture, or the name of an image file.";
+        "options": "Lay", "Mapping of the texture.";
+    }
+}
 
 /// Lua object of a texture with its mapping.
 #[derive(Clone, Debug)]
