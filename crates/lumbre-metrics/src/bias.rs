@@ -3,6 +3,7 @@
 use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, MetricSpec, ON, pixels};
+use lumbre_light::field;
 use lumbre_light::film::Image;
 use lumbre_light::value::schema::{Field, Table, Ty};
 
@@ -46,12 +47,10 @@ pub const ERROR_ROW: MetricRow = MetricRow {
         name: "BiasSeOptions",
         doc: "Options of `bias_se`.",
         fields: &[
-            Field {
-                key: "block",
-                ty: Ty::Int { min: 1, max: 4096 },
-                required: false,
-                default: "8",
-                doc: "side of a block in pixels; larger than what a pixel filter or a splat makes alike",
+            field! {
+                block = "8": Ty::int(1, 4096),
+                    "side of a block in pixels; larger than what a pixel filter or a splat makes \
+                     alike"
             },
             ON,
         ],

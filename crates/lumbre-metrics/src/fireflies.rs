@@ -12,6 +12,7 @@
 use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, MetricSpec, ON};
+use lumbre_light::field;
 use lumbre_light::film::Image;
 use lumbre_light::math::luminance::luminance;
 use lumbre_light::math::stats::median;
@@ -31,29 +32,18 @@ pub const ROW: MetricRow = MetricRow {
         name: "FirefliesOptions",
         doc: "Options of `fireflies`.",
         fields: &[
-            Field {
-                key: "deviations",
-                ty: Ty::Num { min: 0.0, max: 1e6 },
-                required: false,
-                default: "10",
-                doc: "robust standard deviations above the median relative error",
+            field! {
+                deviations = "10": Ty::num(0.0, 1e6),
+                    "robust standard deviations above the median relative error"
             },
-            Field {
-                key: "excess",
-                ty: Ty::Num { min: 0.0, max: 1e6 },
-                required: false,
-                default: "1",
-                doc: "smallest relative excess over the reference; 1 is twice as bright",
+            field! {
+                excess = "1": Ty::num(0.0, 1e6),
+                    "smallest relative excess over the reference; 1 is twice as bright"
             },
-            Field {
-                key: "floor",
-                ty: Ty::Num {
-                    min: 1e-6,
-                    max: 1e3,
-                },
-                required: false,
-                default: "0.1",
-                doc: "added to the reference's luminance, as a fraction of its mean, so that black pixels can be compared",
+            field! {
+                floor = "0.1": Ty::num(1e-6, 1e3),
+                    "added to the reference's luminance, as a fraction of its mean, so that black \
+                     pixels can be compared"
             },
             ON,
         ],

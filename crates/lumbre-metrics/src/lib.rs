@@ -35,6 +35,7 @@ use std::collections::BTreeMap;
 pub use reference::reference;
 
 use floor::Noise;
+use lumbre_light::field;
 use lumbre_light::film::Image;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, unknown_name};
@@ -200,12 +201,9 @@ pub const METRICS: &[MetricRow] = &[
 ];
 
 /// Option of every metric without a tone mapper of its own.
-const ON: Field = Field {
-    key: "on",
-    ty: Ty::Any("Tonemap"),
-    required: false,
-    default: "linear radiance, no tone map",
-    doc: "tone map applied to the image and to the reference first",
+const ON: Field = field! {
+    on = "linear radiance, no tone map": Ty::Any("Tonemap"),
+        "tone map applied to the image and to the reference first"
 };
 
 /// Option of metrics of displayed pictures, which depend on the largest possible value: see
@@ -216,15 +214,9 @@ const DISPLAY_ON: Field = Field {
 };
 
 /// Option of metrics that depend on the largest possible value.
-const RANGE: Field = Field {
-    key: "range",
-    ty: Ty::Num {
-        min: 1e-6,
-        max: f64::MAX,
-    },
-    required: false,
-    default: "1",
-    doc: "largest value minus smallest value that a channel can have; 1 for display values",
+const RANGE: Field = field! {
+    range = "1": Ty::num(1e-6, f64::MAX),
+        "largest value minus smallest value that a channel can have; 1 for display values"
 };
 
 /// Returns the row with this name.

@@ -3,6 +3,7 @@
 use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, ON, pixels};
+use lumbre_light::field;
 use lumbre_light::value::schema::{Field, Table, Ty};
 
 /// Table row of the metric `mape`.
@@ -61,15 +62,9 @@ pub const SYMMETRIC_ROW: MetricRow = MetricRow {
 };
 
 /// Option of both metrics.
-const EPS: Field = Field {
-    key: "eps",
-    ty: Ty::Num {
-        min: 1e-9,
-        max: f64::MAX,
-    },
-    required: false,
-    default: "0.01",
-    doc: "added to the denominator, in radiance; bounds the weight of black pixels",
+const EPS: Field = field! {
+    eps = "0.01": Ty::num(1e-9, f64::MAX),
+        "added to the denominator, in radiance; bounds the weight of black pixels"
 };
 
 /// Returns the error in proportion to the reference.

@@ -3,6 +3,7 @@
 use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::{Better, MetricRow, ON, pixels};
+use lumbre_light::field;
 use lumbre_light::value::schema::{Field, Table, Ty};
 
 /// Table row of the metric `relmse`.
@@ -33,15 +34,9 @@ pub const ROW: MetricRow = MetricRow {
 };
 
 /// Option that bounds the weight of black pixels.
-pub(super) const EPS: Field = Field {
-    key: "eps",
-    ty: Ty::Num {
-        min: 1e-9,
-        max: f64::MAX,
-    },
-    required: false,
-    default: "0.01",
-    doc: "added to the squared reference, in squared radiance; bounds the weight of black pixels",
+pub(super) const EPS: Field = field! {
+    eps = "0.01": Ty::num(1e-9, f64::MAX),
+        "added to the squared reference, in squared radiance; bounds the weight of black pixels"
 };
 
 /// Returns the squared error in proportion to the squared reference.

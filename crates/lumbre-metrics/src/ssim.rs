@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::{Better, DISPLAY_ON, MetricRow, MetricSpec, RANGE};
+use lumbre_light::field;
 use lumbre_light::film::Image;
 use lumbre_light::value::schema::{Field, Table, Ty};
 
@@ -26,12 +27,10 @@ pub const ROW: MetricRow = MetricRow {
         doc: "Options of `ssim`.",
         fields: &[
             RANGE,
-            Field {
-                key: "window",
-                ty: Ty::Word(&["uniform", "gauss"]),
-                required: false,
-                default: "uniform",
-                doc: "`uniform`: 7x7 pixels, sample covariance; `gauss`: sigma 1.5 cut to 11x11 pixels, as in the paper",
+            field! {
+                window = "uniform": Ty::Word(&["uniform", "gauss"]),
+                    "`uniform`: 7x7 pixels, sample covariance; `gauss`: sigma 1.5 cut to 11x11 \
+                     pixels, as in the paper"
             },
             DISPLAY_ON,
         ],

@@ -2,6 +2,7 @@
 
 use super::floor::Noise;
 use super::{Better, MetricRow, MetricSpec, ON, pixels, relmse};
+use lumbre_light::field;
 use lumbre_light::film::Image;
 use lumbre_light::value::schema::{Field, Table, Ty};
 
@@ -20,12 +21,10 @@ pub const ROW: MetricRow = MetricRow {
         name: "RelMseTrimmedOptions",
         doc: "Options of `relmse_trimmed`.",
         fields: &[
-            Field {
-                key: "worst",
-                ty: Ty::Num { min: 0.0, max: 0.5 },
-                required: false,
-                default: "0.001",
-                doc: "fraction of the pixels that is left out, rounded down to whole pixels; papers use 0.001 and 0.0001",
+            field! {
+                worst = "0.001": Ty::num(0.0, 0.5),
+                    "fraction of the pixels that is left out, rounded down to whole pixels; papers \
+                     use 0.001 and 0.0001"
             },
             relmse::EPS,
             ON,

@@ -15,20 +15,15 @@ use super::tonemap::srgb_light;
 use super::{Better, MetricRow, MetricSpec, ON};
 use difference::Target;
 use exposure::{Exposures, ToneMapper};
+use lumbre_light::field;
 use lumbre_light::film::Image;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, Table, Ty};
 
 /// Option of the number of pixels per degree of visual angle.
-const PPD: Field = Field {
-    key: "ppd",
-    ty: Ty::Num {
-        min: 1.0,
-        max: 1000.0,
-    },
-    required: false,
-    default: "67.0206",
-    doc: "pixels per degree of visual angle; the default is 3840 pixels over 0.7 m seen from 0.7 m",
+const PPD: Field = field! {
+    ppd = "67.0206": Ty::num(1.0, 1000.0),
+        "pixels per degree of visual angle; the default is 3840 pixels over 0.7 m seen from 0.7 m"
 };
 
 /// Table row of the metric `flip`.
@@ -77,39 +72,21 @@ pub const HDR_ROW: MetricRow = MetricRow {
         doc: "Options of `hdr_flip`, which takes linear radiance and maps it itself.",
         fields: &[
             PPD,
-            Field {
-                key: "tonemapper",
-                ty: Ty::Word(exposure::NAMES),
-                required: false,
-                default: "aces",
-                doc: "tone mapper from exposed radiance to display values",
+            field! {
+                tonemapper = "aces": Ty::Word(exposure::NAMES),
+                    "tone mapper from exposed radiance to display values"
             },
-            Field {
-                key: "start",
-                ty: Ty::OrAuto(&Ty::Num {
-                    min: -100.0,
-                    max: 100.0,
-                }),
-                required: false,
-                default: "auto",
-                doc: "first exposure in stops; `auto` maps the reference's brightest pixel to 0.85",
+            field! {
+                start = "auto": Ty::OrAuto(&Ty::num(-100.0, 100.0)),
+                    "first exposure in stops; `auto` maps the reference's brightest pixel to 0.85"
             },
-            Field {
-                key: "stop",
-                ty: Ty::OrAuto(&Ty::Num {
-                    min: -100.0,
-                    max: 100.0,
-                }),
-                required: false,
-                default: "auto",
-                doc: "last exposure in stops; `auto` maps the reference's median luminance to 0.85",
+            field! {
+                stop = "auto": Ty::OrAuto(&Ty::num(-100.0, 100.0)),
+                    "last exposure in stops; `auto` maps the reference's median luminance to 0.85"
             },
-            Field {
-                key: "exposures",
-                ty: Ty::OrAuto(&Ty::Int { min: 2, max: 64 }),
-                required: false,
-                default: "auto",
-                doc: "number of evenly spaced exposures; `auto` is one per stop, at least 2",
+            field! {
+                exposures = "auto": Ty::OrAuto(&Ty::int(2, 64)),
+                    "number of evenly spaced exposures; `auto` is one per stop, at least 2"
             },
         ],
     },
