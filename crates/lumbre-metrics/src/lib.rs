@@ -125,6 +125,46 @@ pub struct MetricRow {
     pub settle: Option<Settle>,
 }
 
+/// Row of what most metrics have in common. Each metric adds its names and its computation.
+const DEFAULTS: MetricRow = MetricRow {
+    name: "",
+    label: "",
+    long_name: "",
+    unit: "",
+    doc: "",
+    better: Better::Lower,
+    perfect: 0.0,
+    options: Table {
+        name: "",
+        doc: "",
+        fields: &[],
+    },
+    smallest: |_| 1,
+    eval: |_, _, _| f64::NAN,
+    prepare: None,
+    map: None,
+    noise: Noise::Bounds,
+    settle: None,
+};
+
+/// Part of the row of a metric that is the mean of an error of pixels and channels, which is also
+/// its map: `of_pixels!(|options| error)`, where `error` is a function of the values of the image
+/// and of the reference.
+macro_rules! of_pixels {
+    (|$spec:pat_param| $error:expr) => {
+        $crate::MetricRow {
+            eval: |image, reference, $spec| $crate::pixels::mean(image, reference, $error),
+            map: Some($crate::map::PixelMap {
+                eval: |image, reference, $spec| $crate::pixels::each(image, reference, $error),
+                colours: $crate::map::Colours::Magma,
+                top: None,
+            }),
+            ..$crate::DEFAULTS
+        }
+    };
+}
+use of_pixels;
+
 /// A metric with a fixed reference. Images are as for [`MetricRow::eval`].
 pub type Prepared = Box<dyn Fn(&Image) -> f64 + Send + Sync>;
 

@@ -7,17 +7,16 @@ use rayon::prelude::*;
 
 use super::floor::Noise;
 use super::map::{Colours, PixelMap};
-use super::{Better, DISPLAY_ON, MetricRow, MetricSpec, RANGE};
+use super::{Better, DEFAULTS, DISPLAY_ON, MetricRow, MetricSpec, RANGE};
 use lumbre_light::field;
 use lumbre_light::film::Image;
-use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_light::value::schema::{Table, Ty};
 
 /// Table row of the metric `ssim`.
 pub const ROW: MetricRow = MetricRow {
     name: "ssim",
     label: "SSIM",
     long_name: "structural similarity",
-    unit: "",
     doc: "Mean structural similarity [Wang 2004] with K1 = 0.01 and K2 = 0.03, equal to scikit-image's \
           `structural_similarity`. Images smaller than the window are an error.",
     better: Better::Higher,
@@ -50,7 +49,6 @@ pub const ROW: MetricRow = MetricRow {
             Windows::uniform(image, reference, range).mean()
         }
     },
-    prepare: None,
     map: Some(PixelMap {
         eval: |image, reference, spec| {
             let range = spec.number(RANGE.key);
@@ -64,7 +62,7 @@ pub const ROW: MetricRow = MetricRow {
         top: Some(1.0),
     }),
     noise: Noise::Similarity,
-    settle: None,
+    ..DEFAULTS
 };
 
 /// Side of the uniform window in pixels.

@@ -1,22 +1,19 @@
 //! Relative mean squared error without the worst pixels.
 
 use super::floor::Noise;
-use super::{Better, MetricRow, MetricSpec, ON, pixels, relmse};
+use super::{DEFAULTS, MetricRow, MetricSpec, ON, pixels, relmse};
 use lumbre_light::field;
 use lumbre_light::film::Image;
-use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_light::value::schema::{Table, Ty};
 
 /// Table row of the metric `relmse_trimmed`.
 pub const ROW: MetricRow = MetricRow {
     name: "relmse_trimmed",
     label: "trimmed relMSE",
     long_name: "relative mean squared error without the worst pixels",
-    unit: "",
     doc: "`relmse` over the pixels that remain without the worst ones: a few fireflies often decide `relmse`, and this \
           value tells how good the rest is [Müller et al. 2019]. Compare it only beside `relmse`: it also leaves out \
           rare light that a technique should find.",
-    better: Better::Lower,
-    perfect: 0.0,
     options: Table {
         name: "RelMseTrimmedOptions",
         doc: "Options of `relmse_trimmed`.",
@@ -30,12 +27,9 @@ pub const ROW: MetricRow = MetricRow {
             ON,
         ],
     },
-    smallest: |_| 1,
     eval: trimmed,
-    prepare: None,
-    map: None,
     noise: Noise::Bounds,
-    settle: None,
+    ..DEFAULTS
 };
 
 /// Mean of [`relmse`] over all but the worst pixels. A NaN is never left out.

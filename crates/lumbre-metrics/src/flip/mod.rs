@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::tonemap::srgb_light;
-use super::{Better, MetricRow, MetricSpec, ON};
+use super::{DEFAULTS, MetricRow, MetricSpec, ON};
 use difference::Target;
 use exposure::{Exposures, ToneMapper};
 use lumbre_light::field;
@@ -31,17 +31,13 @@ pub const ROW: MetricRow = MetricRow {
     name: "flip",
     label: "FLIP",
     long_name: "perceived difference on a display",
-    unit: "",
     doc: "Mean FLIP of what an sRGB display shows [Andersson et al. 2020], equal to the authors' program. Without a tone \
           map, radiance clamped to 0..1 is what the display emits.",
-    better: Better::Lower,
-    perfect: 0.0,
     options: Table {
         name: "FlipOptions",
         doc: "Options of `flip`.",
         fields: &[PPD, ON],
     },
-    smallest: |_| 1,
     eval: |image, reference, spec| mean(&ldr(image, reference, spec)),
     prepare: Some(|reference, spec| {
         let shown = shown(spec);
@@ -54,7 +50,7 @@ pub const ROW: MetricRow = MetricRow {
         top: Some(1.0),
     }),
     noise: Noise::Bounds,
-    settle: None,
+    ..DEFAULTS
 };
 
 /// Table row of the metric `hdr_flip`.
@@ -62,11 +58,8 @@ pub const HDR_ROW: MetricRow = MetricRow {
     name: "hdr_flip",
     label: "HDR-FLIP",
     long_name: "perceived difference over exposures",
-    unit: "",
     doc: "Mean over pixels of the largest FLIP over a range of exposures [Andersson et al. 2021], equal to the authors' \
           program. Exposures that are not given follow from the reference.",
-    better: Better::Lower,
-    perfect: 0.0,
     options: Table {
         name: "HdrFlipOptions",
         doc: "Options of `hdr_flip`, which takes linear radiance and maps it itself.",
@@ -90,9 +83,7 @@ pub const HDR_ROW: MetricRow = MetricRow {
             },
         ],
     },
-    smallest: |_| 1,
     eval: |image, reference, spec| mean(&hdr(image, reference, spec)),
-    prepare: None,
     map: Some(PixelMap {
         eval: hdr,
         colours: Colours::Magma,
@@ -107,6 +98,7 @@ pub const HDR_ROW: MetricRow = MetricRow {
             ("exposures".to_owned(), Value::Int(count as i64)),
         ])
     }),
+    ..DEFAULTS
 };
 
 fn mean(values: &[f32]) -> f64 {
