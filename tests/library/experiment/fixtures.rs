@@ -192,7 +192,6 @@ pub fn load_scene(file: &Path) -> LoadedScene {
     let mut egg = MaterialDesc::new("egg");
     egg.roughness = file.to_string_lossy().len() as f32 / 100.0;
     let scene = SceneDesc {
-        views: Vec::new(),
         resolution: [32, 16],
         max_depth: 7,
         camera: CameraDesc {
@@ -205,15 +204,11 @@ pub fn load_scene(file: &Path) -> LoadedScene {
         },
         materials: vec![egg].into(),
         entities: vec![EntityDesc {
-            name: "ball".into(),
-            transform: Transform::default(),
             material: Some("egg".into()),
-            anisotropic_direction: None,
-            shape: ShapeDesc::Sphere { radius: 1.0 },
+            ..EntityDesc::new("ball", ShapeDesc::Sphere { radius: 1.0 })
         }]
         .into(),
-        lights: vec![],
-        environment: None,
+        ..SceneDesc::default()
     };
     let note = Note::new(file, "fog", "left out");
     Ok((scene, vec![note]))

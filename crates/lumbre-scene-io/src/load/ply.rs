@@ -86,16 +86,8 @@ pub(super) fn decode_mesh(
     let (elements, mut source) = header(bytes).map_err(fail)?;
     let mut mesh = MeshDesc {
         file: path.to_owned(),
-        positions: Vec::new(),
-        normals: Vec::new(),
-        uvs: Vec::new(),
-        colors: Vec::new(),
-        second_uvs: Vec::new(),
-        tangents: Vec::new(),
-        triangles: Vec::new(),
         slots: vec![slot.to_owned()],
-        triangle_slot: Vec::new(),
-        content_hash: [0; 32],
+        ..MeshDesc::default()
     };
     let mut note = |message: &str| {
         let message = message.to_owned();

@@ -337,7 +337,6 @@ mod tests {
             kind,
         };
         SceneDesc {
-            views: Vec::new(),
             resolution: [1, 1],
             max_depth: 1,
             camera: CameraDesc {
@@ -345,10 +344,9 @@ mod tests {
                 target: Vec3::ZERO,
                 ..CameraDesc::default()
             },
-            materials: Default::default(),
-            entities: Default::default(),
             lights: lights.into_iter().enumerate().map(named).collect(),
             environment,
+            ..SceneDesc::default()
         }
     }
 

@@ -215,14 +215,11 @@ mod tests {
             ..CameraDesc::default()
         };
         SceneDesc {
-            views: Vec::new(),
             resolution: [1, 1],
             max_depth: 1,
             camera,
             materials: materials.into(),
-            entities: Default::default(),
-            lights: vec![],
-            environment: None,
+            ..SceneDesc::default()
         }
     }
 

@@ -132,13 +132,10 @@ fn decode(path: &Path, version: u16, bytes: &[u8]) -> Result<SerializedMesh, Str
         positions: vectors(positions),
         normals: vectors(normals),
         uvs: uvs.as_chunks().0.iter().map(|v| Vec2::from(*v)).collect(),
-        second_uvs: Vec::new(),
-        tangents: Vec::new(),
-        colors: Vec::new(),
         slots: vec![String::new()],
         triangle_slot: vec![0; triangles.len()],
         triangles,
-        content_hash: [0; 32],
+        ..MeshDesc::default()
     };
     Ok(SerializedMesh {
         mesh,

@@ -182,16 +182,7 @@ fn load_with_libraries(
         slots_by_name: BTreeMap::new(),
         mesh: MeshDesc {
             file: path.to_owned(),
-            positions: Vec::new(),
-            normals: Vec::new(),
-            uvs: Vec::new(),
-            colors: Vec::new(),
-            second_uvs: Vec::new(),
-            tangents: Vec::new(),
-            triangles: Vec::new(),
-            slots: Vec::new(),
-            triangle_slot: Vec::new(),
-            content_hash: [0; 32],
+            ..MeshDesc::default()
         },
     };
     for model in models {
