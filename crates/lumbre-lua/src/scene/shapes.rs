@@ -17,7 +17,7 @@ use lumbre_light::value::Value;
 use lumbre_light::value::schema::SchemaError;
 
 macro_rules! rows {
-    ($($name:literal, $table:ident, $make:ident, $doc:literal;)*) => {
+    ($($name:literal, $table:ident, $make:expr, $doc:literal;)*) => {
         /// Constructors of shapes.
         pub const GLOBALS: &[ApiFn] = &[
             $(ApiFn {
@@ -27,8 +27,8 @@ macro_rules! rows {
                 doc: $doc,
                 call: |args| {
                     let fields = args.fields(0, "options", &$table, concat!("shape.", $name))?;
-                    let shape = $make(args, &fields)?;
-                    args.object(shape)
+                    let make: fn(&Args, &Fields) -> Result<ShapeObject, ScriptError> = $make;
+                    args.object(make(args, &fields)?)
                 },
             },)*
             ApiFn {
@@ -43,32 +43,32 @@ macro_rules! rows {
 }
 
 rows! {
-    "box", BOX, make_box, "Returns a box with sharp or rounded edges.";
+    "box", BOX, |args, f| mesh(args, make_box(f)), "Returns a box with sharp or rounded edges.";
     "sphere", SPHERE, make_sphere, "Returns an analytic sphere, which has no triangles.";
-    "ball", BALL, make_ball, "Returns a sphere of triangles.";
-    "grid", GRID, make_grid, "Returns a rectangle of quads that faces +y.";
-    "disk", DISK, make_disk, "Returns a disk that faces +y.";
-    "heightfield", HEIGHTFIELD, make_heightfield, "Returns a rectangle with heights, such as a landscape.";
-    "lathe", LATHE, make_lathe, "Returns a surface of revolution, such as a vase or a column.";
-    "cylinder", CYLINDER, make_cylinder, "Returns a closed cylinder or cone.";
-    "tube", TUBE, make_tube, "Returns a tube along a line.";
-    "torus", TORUS, make_torus, "Returns a torus.";
-    "extrude", EXTRUDE, make_extrude, "Returns an extruded outline.";
+    "ball", BALL, |args, f| mesh(args, make_ball(f)), "Returns a sphere of triangles.";
+    "grid", GRID, |args, f| mesh(args, make_grid(f)), "Returns a rectangle of quads that faces +y.";
+    "disk", DISK, |args, f| mesh(args, make_disk(f)), "Returns a disk that faces +y.";
+    "heightfield", HEIGHTFIELD, make_heightfield,
+        "Returns a rectangle with heights, such as a landscape.";
+    "lathe", LATHE, |args, f| mesh(args, make_lathe(f)),
+        "Returns a surface of revolution, such as a vase or a column.";
+    "cylinder", CYLINDER, |args, f| mesh(args, make_cylinder(f)),
+        "Returns a closed cylinder or cone.";
+    "tube", TUBE, |args, f| mesh(args, make_tube(f)), "Returns a tube along a line.";
+    "torus", TORUS, |args, f| mesh(args, make_torus(f)), "Returns a torus.";
+    "extrude", EXTRUDE, |args, f| mesh(args, make_extrude(f)), "Returns an extruded outline.";
     "mesh", MESH, make_mesh, "Returns a mesh of the given triangles.";
 }
 
-/// Result of a constructor.
-type ShapeResult = Result<ShapeObject, ScriptError>;
-
-/// Converts the result of a shape function to a Lua object or an error of the call.
-fn shape_result(args: &Args, shape: Result<Shape, ShapeError>) -> ShapeResult {
+/// Returns the object of a mesh, or the error of the call.
+fn mesh(args: &Args, shape: Result<Shape, ShapeError>) -> Result<ShapeObject, ScriptError> {
     shape
         .map(ShapeObject::new)
         .map_err(|e| args.error(e.to_string(), None))
 }
 
 fn number(fields: &Fields, key: &str, default: f32) -> f32 {
-    fields.f64(key).map_or(default, |x| x as f32)
+    fields.f32(key).unwrap_or(default)
 }
 
 fn count(fields: &Fields, key: &str, default: u32) -> u32 {
@@ -81,58 +81,41 @@ fn vector<const N: usize>(fields: &Fields, key: &str, default: [f32; N]) -> [f32
     fields.numbers(key).unwrap_or(default)
 }
 
-fn points<const N: usize>(fields: &Fields, key: &str) -> Vec<[f32; N]> {
-    fields
-        .values
-        .get(key)
-        .and_then(Value::as_list)
-        .unwrap_or_default()
-        .iter()
-        .map(numbers)
-        .collect()
+fn points<const N: usize, V: From<[f32; N]>>(fields: &Fields, key: &str) -> Vec<V> {
+    let items = fields.values.get(key).and_then(Value::as_list);
+    let items = items.unwrap_or_default().iter();
+    items.map(|item| V::from(numbers(item))).collect()
 }
 
 fn integers<const N: usize>(fields: &Fields, key: &str, default: [f32; N]) -> [u32; N] {
     vector(fields, key, default).map(|x| x as u32)
 }
 
-fn make_box(args: &Args, f: &Fields) -> ShapeResult {
+fn make_box(f: &Fields) -> Result<Shape, ShapeError> {
     let size = Vec3::from(vector(f, "size", [1.0; 3]));
-    shape_result(
-        args,
-        shape::cuboid(size, number(f, "bevel", 0.0), count(f, "segments", 3)),
-    )
+    shape::cuboid(size, number(f, "bevel", 0.0), count(f, "segments", 3))
 }
 
-fn make_sphere(_: &Args, f: &Fields) -> ShapeResult {
+fn make_sphere(_: &Args, f: &Fields) -> Result<ShapeObject, ScriptError> {
     Ok(ShapeObject::Sphere(number(f, "radius", 1.0)))
 }
 
-fn make_ball(args: &Args, f: &Fields) -> ShapeResult {
-    shape_result(
-        args,
-        shape::icosphere(number(f, "radius", 1.0), count(f, "splits", 4)),
+fn make_ball(f: &Fields) -> Result<Shape, ShapeError> {
+    shape::icosphere(number(f, "radius", 1.0), count(f, "splits", 4))
+}
+
+fn make_grid(f: &Fields) -> Result<Shape, ShapeError> {
+    shape::grid(
+        Vec2::from(vector(f, "size", [1.0; 2])),
+        integers(f, "cells", [1.0; 2]),
     )
 }
 
-fn make_grid(args: &Args, f: &Fields) -> ShapeResult {
-    shape_result(
-        args,
-        shape::grid(
-            Vec2::from(vector(f, "size", [1.0; 2])),
-            integers(f, "cells", [1.0; 2]),
-        ),
-    )
+fn make_disk(f: &Fields) -> Result<Shape, ShapeError> {
+    shape::disk(number(f, "radius", 1.0), count(f, "segments", 48))
 }
 
-fn make_disk(args: &Args, f: &Fields) -> ShapeResult {
-    shape_result(
-        args,
-        shape::disk(number(f, "radius", 1.0), count(f, "segments", 48)),
-    )
-}
-
-fn make_heightfield(args: &Args, f: &Fields) -> ShapeResult {
+fn make_heightfield(args: &Args, f: &Fields) -> Result<ShapeObject, ScriptError> {
     let size = vector(f, "size", [1.0; 2]);
     let cells: [u32; 2] = integers(f, "cells", [1.0; 2]);
     let Some(LuaValue::Function(height)) = f.objects.get("height") else {
@@ -150,29 +133,23 @@ fn make_heightfield(args: &Args, f: &Fields) -> ShapeResult {
             heights.push(value as f32);
         }
     }
-    shape_result(args, shape::heightfield(Vec2::from(size), cells, &heights))
+    mesh(args, shape::heightfield(Vec2::from(size), cells, &heights))
 }
 
-fn make_lathe(args: &Args, f: &Fields) -> ShapeResult {
-    let profile: Vec<Vec2> = points(f, "profile")
-        .into_iter()
-        .map(Vec2::from_array)
-        .collect();
-    shape_result(args, shape::lathe(&profile, count(f, "segments", 48)))
+fn make_lathe(f: &Fields) -> Result<Shape, ShapeError> {
+    let profile: Vec<Vec2> = points(f, "profile");
+    shape::lathe(&profile, count(f, "segments", 48))
 }
 
-fn make_cylinder(args: &Args, f: &Fields) -> ShapeResult {
+fn make_cylinder(f: &Fields) -> Result<Shape, ShapeError> {
     let (radius, height) = (number(f, "radius", 1.0), number(f, "height", 1.0));
     let top = number(f, "top", radius);
     let profile = [(0.0, 0.0), (radius, 0.0), (top, height), (0.0, height)].map(Vec2::from);
-    shape_result(args, shape::lathe(&profile, count(f, "segments", 48)))
+    shape::lathe(&profile, count(f, "segments", 48))
 }
 
-fn make_tube(args: &Args, f: &Fields) -> ShapeResult {
-    let line: Vec<Vec3> = points(f, "points")
-        .into_iter()
-        .map(Vec3::from_array)
-        .collect();
+fn make_tube(f: &Fields) -> Result<Shape, ShapeError> {
+    let line: Vec<Vec3> = points(f, "points");
     let radii = match f.values.get("radius") {
         Some(Value::List(each)) => each
             .iter()
@@ -182,31 +159,22 @@ fn make_tube(args: &Args, f: &Fields) -> ShapeResult {
         _ => vec![number(f, "radius", 1.0); line.len()],
     };
     let closed = f.is_true("closed");
-    shape_result(
-        args,
-        shape::tube(&line, &radii, count(f, "segments", 12), closed),
-    )
+    shape::tube(&line, &radii, count(f, "segments", 12), closed)
 }
 
-fn make_torus(args: &Args, f: &Fields) -> ShapeResult {
+fn make_torus(f: &Fields) -> Result<Shape, ShapeError> {
     let segments = integers(f, "segments", [48.0, 16.0]);
-    shape_result(
-        args,
-        shape::torus(number(f, "major", 1.0), number(f, "minor", 0.25), segments),
-    )
+    shape::torus(number(f, "major", 1.0), number(f, "minor", 0.25), segments)
 }
 
-fn make_extrude(args: &Args, f: &Fields) -> ShapeResult {
-    let outline: Vec<Vec2> = points(f, "outline")
-        .into_iter()
-        .map(Vec2::from_array)
-        .collect();
-    shape_result(args, shape::extrude(&outline, number(f, "depth", 1.0)))
+fn make_extrude(f: &Fields) -> Result<Shape, ShapeError> {
+    let outline: Vec<Vec2> = points(f, "outline");
+    shape::extrude(&outline, number(f, "depth", 1.0))
 }
 
-fn make_mesh(args: &Args, f: &Fields) -> ShapeResult {
-    let unit = |n: [f32; 3]| Vec3::from_array(n).try_normalize();
-    let normals: Option<Vec<Vec3>> = points(f, "normals").into_iter().map(unit).collect();
+fn make_mesh(args: &Args, f: &Fields) -> Result<ShapeObject, ScriptError> {
+    let normals: Vec<Vec3> = points(f, "normals");
+    let normals: Option<Vec<Vec3>> = normals.into_iter().map(Vec3::try_normalize).collect();
     let Some(normals) = normals else {
         let error = SchemaError::new(
             "shape.mesh.normals",
@@ -216,27 +184,18 @@ fn make_mesh(args: &Args, f: &Fields) -> ShapeResult {
         return Err(args.locate_error(error));
     };
     let shape = Shape {
-        positions: points(f, "positions")
-            .into_iter()
-            .map(Vec3::from_array)
-            .collect(),
+        positions: points(f, "positions"),
         normals,
-        uvs: points(f, "uvs").into_iter().map(Vec2::from_array).collect(),
-        second_uvs: points(f, "second_uvs")
-            .into_iter()
-            .map(Vec2::from_array)
-            .collect(),
-        colors: points(f, "colors")
-            .into_iter()
-            .map(Vec3::from_array)
-            .collect(),
-        triangles: points::<3>(f, "triangles")
+        uvs: points(f, "uvs"),
+        second_uvs: points(f, "second_uvs"),
+        colors: points(f, "colors"),
+        triangles: points::<3, [f32; 3]>(f, "triangles")
             .into_iter()
             .map(|t| t.map(|c| c as u32 - 1))
             .collect(),
         ..Shape::default()
     };
-    shape_result(args, shape.checked())
+    mesh(args, shape.checked())
 }
 
 fn join(args: &Args) -> Result<LuaValue, ScriptError> {
