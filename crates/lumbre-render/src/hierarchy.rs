@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use lumbre_light::scene::compile::Sharing;
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_light::value::schema::Ty;
 
 /// Settings of a scene's bounding volume hierarchy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

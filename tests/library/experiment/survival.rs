@@ -456,7 +456,7 @@ fn a_requested_checkpoint_is_written_for_every_interleaved_run() {
                 }
             ) && !std::mem::replace(&mut self.1, true)
             {
-                self.0.request_checkpoint();
+                self.0.checkpoint.set(true);
             }
             Ok(())
         }

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use lumbre_light::film::Image;
 use lumbre_light::math::luminance::luminance_f32;
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_light::value::schema::Ty;
 
 /// Version of the filter; part of the identity of a run.
 pub const REVISION: i64 = 1;

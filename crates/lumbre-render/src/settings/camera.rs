@@ -6,7 +6,7 @@ use super::find::find_file;
 use super::given::Given;
 use lumbre_light::scene::desc::{CAMERA_KIND_NAMES, TextureSlot, VIEW_HEIGHT_RANGE};
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
+use lumbre_light::value::schema::{SchemaError, Ty};
 use lumbre_scene_io::edit::WINDOW;
 
 /// Largest coordinate and length, in scene units.

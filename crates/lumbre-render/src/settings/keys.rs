@@ -22,7 +22,7 @@ use lumbre_light::transport::sampler::{SAMPLER_NAMES, sampler};
 use lumbre_light::transport::time_settings::FILM;
 use lumbre_light::transport::time_settings::Timing;
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
+use lumbre_light::value::schema::{Field, SchemaError, Ty};
 
 /// Row of [`SETTINGS`].
 pub struct Setting {
