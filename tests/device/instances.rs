@@ -143,9 +143,7 @@ fn balls(count: u32, rows: u32) -> CompiledScene {
 
 #[test]
 fn instances_give_the_picture_of_the_cpu() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let scene = Arc::new(balls(24, 6));
     assert!(
         scene.instances.placements.len() == 24 && scene.instances.meshes.len() >= 3,
@@ -179,9 +177,7 @@ fn instances_give_the_picture_of_the_cpu() {
 
 #[test]
 fn ten_thousand_instances_take_few_bytes_each() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let bytes = |kind: TracingMode, scene: &CompiledScene| {
         let job = job([8, 8], 2, 1);
         let mut renderer =
