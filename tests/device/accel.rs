@@ -16,9 +16,7 @@ use crate::common::{SceneBuilder, grey, job};
 
 #[test]
 fn hierarchies_are_built_as_requested_and_all_give_the_same_picture() {
-    let Some(device) = harness::integer_splat_device() else {
-        return;
-    };
+    let device = or_return!(harness::integer_splat_device());
     if !supported_modes(&device).contains(&TracingMode::Compute) {
         return;
     }
@@ -127,9 +125,7 @@ fn hierarchies_are_built_as_requested_and_all_give_the_same_picture() {
 
 #[test]
 fn an_acceleration_structure_may_exceed_the_size_limit_of_arrays() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let kind = harness::fastest_to_compile(&device);
     if kind == TracingMode::Compute {
         crate::common::skipped(format_args!(

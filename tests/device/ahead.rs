@@ -44,9 +44,7 @@ pub fn counts(stats: &WaveStats) -> [u64; 4] {
 
 #[test]
 fn speculative_work_changes_no_bit_of_films_checkpoints_and_counts() {
-    let Some(device) = harness::integer_splat_device() else {
-        return;
-    };
+    let device = or_return!(harness::integer_splat_device());
     for name in ["bpt", "bdpt"] {
         let job = Job {
             resolution: [20, 14],
@@ -90,9 +88,7 @@ fn speculative_work_changes_no_bit_of_films_checkpoints_and_counts() {
 
 #[test]
 fn speculative_work_does_not_change_splats_of_floats() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let job = Job {
         resolution: [20, 14],
         ..technique_job("bdpt", 71)
@@ -108,9 +104,7 @@ fn speculative_work_does_not_change_splats_of_floats() {
 
 #[test]
 fn speculative_work_does_not_change_layers_and_films_with_a_time_axis() {
-    let Some(device) = harness::integer_splat_device() else {
-        return;
-    };
+    let device = or_return!(harness::integer_splat_device());
     let small = |name: &str| Job {
         resolution: [20, 14],
         ..technique_job(name, 5)
@@ -202,9 +196,7 @@ fn with_pauses(
 
 #[test]
 fn the_device_renders_while_the_host_pauses_and_no_time_is_counted_twice() {
-    let Some(device) = harness::integer_splat_device() else {
-        return;
-    };
+    let device = or_return!(harness::integer_splat_device());
     let (pause, pauses) = (Duration::from_millis(50), 4);
     let away = pause.as_secs_f64() * f64::from(pauses);
     let samples = samples_of_a_wave(&device, 1.5 * pause.as_secs_f64());

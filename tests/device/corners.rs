@@ -195,9 +195,7 @@ fn total(film: &Film) -> f64 {
 
 #[test]
 fn every_material_light_camera_and_filter_gives_the_light_of_the_cpu_at_every_depth() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let filters = [
         (FilterKind::Box, 0.5),
         (FilterKind::Gauss, 1.0),
@@ -278,9 +276,7 @@ fn both(
 
 #[test]
 fn extreme_materials_give_the_same_picture_in_compute_shaders() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let (scene, job) = (balls("triangles"), technique_job("bpt", 31));
     let expected = common::render(&scene, job.clone(), 8);
     compare_loosely(
@@ -315,9 +311,7 @@ fn leaves(masked: bool) -> Arc<CompiledScene> {
 
 #[test]
 fn pictures_with_blended_masks_agree_within_noise() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let scene = leaves(true);
     let job = Job {
         integrator: integrator("nee").unwrap(),

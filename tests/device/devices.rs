@@ -118,9 +118,7 @@ fn assert_same_pictures(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<
 
 #[test]
 fn a_worker_for_a_missing_device_lists_the_present_ones_and_renders_nothing() {
-    let Some((place, _)) = workplace() else {
-        return;
-    };
+    let (place, _) = or_return!(workplace());
     let place = place.path();
     // The plan snapshot is written even if there is no queue.
     program(place, &["submit", "hq", "night.lua"])
@@ -165,9 +163,7 @@ fn a_worker_for_a_missing_device_lists_the_present_ones_and_renders_nothing() {
 
 #[test]
 fn every_device_has_a_worker_and_every_comparison_group_stays_on_one_device() {
-    let Some((place, two)) = workplace() else {
-        return;
-    };
+    let (place, two) = or_return!(workplace());
     let place = place.path();
     let single_worker = program(
         place,
@@ -290,9 +286,7 @@ fn every_device_has_a_worker_and_every_comparison_group_stays_on_one_device() {
 /// order, and all other sums begin at the first sample of the shard, whichever worker renders it.
 #[test]
 fn a_shard_with_splats_has_the_same_bits_in_any_waves_and_the_samples_of_the_cpu() {
-    let Some(device) = harness::integer_splat_device() else {
-        return;
-    };
+    let device = or_return!(harness::integer_splat_device());
     let scene = images::room();
     // This job has the same pipeline as a test in `images.rs`.
     let shard = Job {
@@ -321,9 +315,7 @@ fn a_shard_with_splats_has_the_same_bits_in_any_waves_and_the_samples_of_the_cpu
 
 #[test]
 fn splats_in_fixed_point_can_be_requested() {
-    let Some((place, _)) = workplace() else {
-        return;
-    };
+    let (place, _) = or_return!(workplace());
     let splats = |word: &str| {
         let doctor = program(place.path(), &["doctor"])
             .env("LUMBRE_SPLATS", word)

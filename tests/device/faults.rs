@@ -40,9 +40,7 @@ fn open(
 
 #[test]
 fn a_missing_feature_is_an_error_that_names_the_feature_and_the_device() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let limited = Caps {
         scalar_layout: true,
         ..Caps::default()
@@ -84,9 +82,7 @@ fn a_missing_feature_is_an_error_that_names_the_feature_and_the_device() {
 
 #[test]
 fn shaders_of_a_folder_replace_the_embedded_ones_and_their_errors_name_the_line() {
-    let Some(device) = harness::device().filter(|_| harness::has_compiler()) else {
-        return;
-    };
+    let device = or_return!(harness::device().filter(|_| harness::has_compiler()));
     let folder = tempfile::tempdir().unwrap();
     let entry = folder.path().join("transport/integrator");
     std::fs::create_dir_all(&entry).unwrap();
@@ -128,9 +124,7 @@ fn constant(value: f32, odd: f32) -> (Sources, u64) {
 
 #[test]
 fn invalid_samples_are_counted_and_the_first_is_named() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let (sources, seed) = constant(1.0, f32::INFINITY);
     let job = job([8, 8], 2, seed);
     for kind in supported_modes(&device) {
@@ -151,9 +145,7 @@ fn invalid_samples_are_counted_and_the_first_is_named() {
 /// hardware: they must not reach it.
 #[test]
 fn rays_that_are_undefined_for_devices_hit_nothing() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let ball = SceneBuilder::new(Vec3::Z * 3.0, Vec3::ZERO, 50.0)
         .sphere(Vec3::ZERO, 0.5, grey(0.5))
         .build();
@@ -173,9 +165,7 @@ fn rays_that_are_undefined_for_devices_hit_nothing() {
 
 #[test]
 fn a_buffer_beyond_the_limit_is_an_error_with_both_sizes() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let range = device.info.limits.storage_range;
     let error = Buffer::new(&device, "texels", range + 4, Default::default())
         .err()
@@ -203,9 +193,7 @@ fn unbound_buffer(device: &Arc<Device>, bytes: u64) -> String {
 
 #[test]
 fn memory_is_asked_for_before_it_is_allocated() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let mut info = device.info.clone();
     info.limits.allocation = 1 << 20;
     let limited = Device::open(info, device.info.caps).unwrap();
@@ -229,9 +217,7 @@ fn memory_is_asked_for_before_it_is_allocated() {
 
 #[test]
 fn more_arrays_than_a_shader_of_the_device_can_access_are_refused() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let mut info = device.info.clone();
     info.limits.storage_buffers = 31;
     let limited = Device::open(info, device.info.caps).unwrap();
@@ -250,9 +236,7 @@ fn more_arrays_than_a_shader_of_the_device_can_access_are_refused() {
 
 #[test]
 fn a_scene_larger_than_the_device_is_refused_with_both_sizes() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let mut small = device.info.clone();
     small.limits.heap = 1 << 10;
     let small = Device::open(small, device.info.caps).unwrap();
@@ -322,9 +306,7 @@ fn a_lost_device_is_an_error_to_retry_that_names_the_pass() {
 
 #[test]
 fn sums_stay_accurate_over_many_samples() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let (sources, seed) = constant(0.1, 0.1);
     let job = job([1, 1], 2, seed);
     let mut renderer = open(&device, TracingMode::Compute, &sources, &job).unwrap();

@@ -98,9 +98,7 @@ fn assert_same_in_modes(
     job: &Job,
     samples: u64,
 ) {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let expected = common::render(scene, job.clone(), samples);
     for kind in supported_modes(&device)
         .into_iter()
@@ -199,9 +197,7 @@ fn bpt_renders_the_samples_of_the_cpu_in_every_tracing_mode() {
 /// Replaces the any-hit shader by one that ignores every hit: where it runs, a surface is invisible.
 #[test]
 fn only_triangles_with_masks_call_the_any_hit_shader() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     if !supported_modes(&device).contains(&TracingMode::Pipeline) {
         return;
     }
@@ -249,9 +245,7 @@ fn nee_renders_the_samples_of_the_cpu_with_all_lights_masks_textures_and_a_lens(
 fn bdpt_renders_the_samples_of_the_cpu_with_float_and_integer_splats() {
     let (scene, job) = (room(), technique_job("bdpt", 3));
     assert_same_in_modes(&[TracingMode::Pipeline], "bdpt", &scene, &job, 4);
-    let Some(whole) = harness::integer_splat_device() else {
-        return;
-    };
+    let whole = or_return!(harness::integer_splat_device());
     let expected = common::render(&scene, job.clone(), 4);
     let once = render(&whole, TracingMode::Compute, &scene, &job, 4);
     compare("bdpt with integer splats", &once, &expected);
@@ -294,9 +288,7 @@ fn all_kinds_of_cameras_show_the_picture_of_the_cpu() {
 
 #[test]
 fn layers_and_sobol_samples_are_those_of_the_cpu() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let layers: Vec<Layer> = LAYERS.iter().map(|row| row.layer).collect();
     // This job has the same pipeline as one in `corners.rs`.
     let job = Job {
@@ -341,9 +333,7 @@ fn layers_and_sobol_samples_are_those_of_the_cpu() {
 
 #[test]
 fn scenes_seeds_and_sizes_share_a_pipeline_and_techniques_reuse_theirs() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     // Other tests create pipelines at the same time, so this one opens another device.
     let device = Device::open(device.info.clone(), device.info.caps).unwrap();
     let ball = |x: f32| {
@@ -398,9 +388,7 @@ pub fn state(renderer: &VulkanRenderer) -> Vec<u8> {
 
 #[test]
 fn a_run_resumed_from_a_checkpoint_has_the_same_bits() {
-    let Some(exact) = harness::integer_splat_device() else {
-        return;
-    };
+    let exact = or_return!(harness::integer_splat_device());
     let scene = room();
     // `bdpt` uses the compute shader of the test of its splats.
     let open = |job: &Job| {

@@ -55,13 +55,11 @@ fn ball(rows: u32) -> Arc<MeshDesc> {
             .iter()
             .map(|p| (*p * 0.5 + 0.5).clamp(Vec3::ZERO, Vec3::ONE))
             .collect(),
-        second_uvs: Vec::new(),
-        tangents: Vec::new(),
         positions,
         triangles,
         triangle_slot: slots,
         slots: vec!["body".to_owned(), "cap".to_owned()],
-        content_hash: [0; 32],
+        ..MeshDesc::default()
     };
     mesh.content_hash = mesh_hash(&mesh);
     Arc::new(mesh)
@@ -127,28 +125,25 @@ fn balls(count: u32, rows: u32) -> CompiledScene {
         ..CameraDesc::default()
     };
     let desc = SceneDesc {
-        views: Vec::new(),
         resolution: [32, 24],
         max_depth: 4,
         camera,
         materials: materials.into(),
         entities: entities.into(),
-        lights: vec![],
         environment: Some(EnvironmentDesc {
             source: EnvironmentSource::Color(Vec3::splat(0.2)),
             rotation_deg: 0.0,
             scale: 1.0,
             sampling: Default::default(),
         }),
+        ..SceneDesc::default()
     };
     compile_sharing(&desc, Sharing::Always).unwrap().0
 }
 
 #[test]
 fn instances_give_the_picture_of_the_cpu() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let scene = Arc::new(balls(24, 6));
     assert!(
         scene.instances.placements.len() == 24 && scene.instances.meshes.len() >= 3,
@@ -182,9 +177,7 @@ fn instances_give_the_picture_of_the_cpu() {
 
 #[test]
 fn ten_thousand_instances_take_few_bytes_each() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let bytes = |kind: TracingMode, scene: &CompiledScene| {
         let job = job([8, 8], 2, 1);
         let mut renderer =

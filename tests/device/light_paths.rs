@@ -40,9 +40,7 @@ fn open(device: &Arc<Device>, scene: &CompiledScene, job: &Job) -> VulkanRendere
 /// of all later vertices in the list.
 #[test]
 fn a_device_draws_the_vertices_that_the_cpu_draws() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let kind = harness::fastest_to_compile(&device);
     let subpaths = |photons: f64| vec![("photons", photons)];
     let drawn = |photons: f64, connections: f64, candidates: f64| {
@@ -69,9 +67,7 @@ fn a_device_draws_the_vertices_that_the_cpu_draws() {
 /// More subpaths than a workgroup has sums of blocks, which makes it add them in several rounds.
 #[test]
 fn long_lists_of_vertices_are_those_of_the_cpu() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     // An open scene without roulette, in which every subpath ends at once or after a second vertex.
     let scene = SceneBuilder::new(Vec3::new(0.0, 1.0, 4.0), Vec3::new(0.0, 0.5, 0.0), 40.0)
         .quad(
@@ -101,9 +97,7 @@ fn long_lists_of_vertices_are_those_of_the_cpu() {
 
 #[test]
 fn waves_and_checkpoints_do_not_change_the_bits_of_shared_subpaths() {
-    let Some(device) = harness::integer_splat_device() else {
-        return;
-    };
+    let device = or_return!(harness::integer_splat_device());
     let scene = room();
     let job = Job {
         sampler: SOBOL,
@@ -140,9 +134,7 @@ fn waves_and_checkpoints_do_not_change_the_bits_of_shared_subpaths() {
 
 #[test]
 fn subpaths_that_no_storage_buffer_holds_are_an_error_that_names_the_mend() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let job = Job {
         max_depth: 128,
         ..job([16, 16], &[("photons", f64::from(1 << 28))])

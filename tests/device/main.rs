@@ -7,6 +7,16 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+/// Returns the content of an option; ends the test, which was skipped, if there is none.
+macro_rules! or_return {
+    ($option:expr) => {
+        match $option {
+            Some(content) => content,
+            None => return,
+        }
+    };
+}
+
 /// Returns the committed module of a test kernel, by the name of its file without `.spv`.
 macro_rules! kernel {
     ($stage:ident $name:literal) => {

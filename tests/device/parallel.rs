@@ -76,9 +76,7 @@ fn compare(
 
 #[test]
 fn samples_at_once_have_the_bits_of_samples_in_turn() {
-    let Some(device) = harness::integer_splat_device() else {
-        return;
-    };
+    let device = or_return!(harness::integer_splat_device());
     let (scene, fastest) = (room(), harness::fastest_to_compile(&device));
     let small = |name: &str| Job {
         resolution: [21, 13],
@@ -98,9 +96,7 @@ fn samples_at_once_have_the_bits_of_samples_in_turn() {
 
 #[test]
 fn regenerated_paths_have_the_bits_of_samples_in_turn() {
-    let Some(device) = harness::integer_splat_device() else {
-        return;
-    };
+    let device = or_return!(harness::integer_splat_device());
     let (scene, kind) = (room(), harness::fastest_to_compile(&device));
     let plain = |name: &str| Job {
         resolution: [21, 13],
@@ -118,9 +114,7 @@ fn regenerated_paths_have_the_bits_of_samples_in_turn() {
 
 #[test]
 fn invalid_samples_at_once_are_refused_as_those_in_turn() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     // A lamp so bright that its light is infinite in some samples.
     let mut lamp = grey(0.5);
     lamp.emission = Vec3::splat(3e38);

@@ -43,9 +43,7 @@ fn same_step(a: &PathEvent, b: &PathEvent) -> bool {
 
 #[test]
 fn samples_have_the_same_steps_and_vertices_on_every_backend() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     // The job has a time axis and composed materials, so their sample numbers and optical lengths
     // are compared as well.
     let mut scene = room();

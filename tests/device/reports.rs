@@ -99,9 +99,7 @@ fn entries(table: &str) -> Vec<Entry> {
 
 #[test]
 fn reports_of_the_same_script_on_the_cpu_and_on_a_device_agree() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let of_device = harness::fastest_to_compile(&device).backend();
     let place = tempfile::tempdir().unwrap();
     let place = place.path();

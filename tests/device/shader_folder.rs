@@ -149,9 +149,7 @@ fn folders_are_refused_without_compiler_and_without_device() {
 
 #[test]
 fn an_axis_of_folders_has_one_reference_and_runs_that_their_content_identifies() {
-    let Some(_) = harness::device().filter(|_| harness::has_compiler()) else {
-        return;
-    };
+    let _ = or_return!(harness::device().filter(|_| harness::has_compiler()));
     let dir = folder();
     let path = dir.path();
     let plan = succeeded(run(path, &["plan", "axis.lua"]));

@@ -14,9 +14,7 @@ use crate::common::{self, SceneBuilder, grey, light};
 
 #[test]
 fn pictures_of_which_a_few_rows_have_room_have_the_same_bits() {
-    let Some(device) = harness::integer_splat_device() else {
-        return;
-    };
+    let device = or_return!(harness::integer_splat_device());
     let (scene, kind) = (room(), harness::fastest_to_compile(&device));
     for name in ["bdpt", "lvc"] {
         let job = Job {
@@ -49,9 +47,7 @@ fn pictures_of_which_a_few_rows_have_room_have_the_same_bits() {
 
 #[test]
 fn paths_of_hundreds_of_edges_bring_the_light_that_they_bring_on_the_cpu() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     // Without roulette all paths in a closed room go on to the end, and in a white one these matter.
     let scene = SceneBuilder::new(Vec3::new(0.0, 0.0, 1.9), Vec3::ZERO, 60.0)
         .room(2.0, grey(0.99))

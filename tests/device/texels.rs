@@ -82,9 +82,7 @@ fn all_texels(scene: &CompiledScene) -> (Vec<[u32; 2]>, Vec<[f32; 3]>) {
 
 #[test]
 fn shaders_find_every_texel_in_blocks_of_every_size() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     if !device.info.caps.extended() {
         common::skipped(format_args!(
             "{} has no extended shaders",
@@ -139,9 +137,7 @@ fn shaders_find_every_texel_in_blocks_of_every_size() {
 
 #[test]
 fn a_scene_with_texels_in_blocks_is_the_same_in_every_tracing_mode() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     if !device.info.caps.extended() {
         common::skipped(format_args!(
             "{} has no extended shaders",
@@ -189,9 +185,7 @@ fn with_floats(scene: &CompiledScene) -> Arc<CompiledScene> {
 
 #[test]
 fn texels_of_bytes_have_the_bits_of_floats() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let both = scene();
     let mut bytes = (*both).clone();
     bytes.textures[1] = bytes.textures[2].clone();
@@ -214,9 +208,7 @@ fn texels_of_bytes_have_the_bits_of_floats() {
 
 #[test]
 fn texels_that_do_not_fit_are_refused_with_both_sizes() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let mut builder = SceneBuilder::new(Vec3::Z * 3.0, Vec3::ZERO, 50.0);
     builder.texture(Texture::new(1024, 512, vec![[0.5; 3]; 1024 * 512]));
     let scene = builder

@@ -95,9 +95,7 @@ fn assert_same_bins(name: &str, found: &TimeCube, expected: &TimeCube) {
 
 #[test]
 fn every_integrator_fills_the_bins_of_the_cpu() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let scene = room_with_delays();
     let plain = timing(1.0, 0.2, 60);
     let cases: [(&str, Timing, u64); 3] = [
@@ -158,9 +156,7 @@ fn every_integrator_fills_the_bins_of_the_cpu() {
 
 #[test]
 fn composed_materials_are_the_same_without_a_time_axis() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let (scene, job) = (
         room_with_delays(),
         Job {
@@ -190,9 +186,7 @@ fn composed_materials_are_the_same_without_a_time_axis() {
 
 #[test]
 fn bins_resumed_from_a_checkpoint_have_the_same_bits_and_wide_filters_fill_all_slots() {
-    let Some(device) = harness::integer_splat_device() else {
-        return;
-    };
+    let device = or_return!(harness::integer_splat_device());
     let scene = room_with_delays();
     // A filter as wide as the axis: every contribution falls into more slots than are cached.
     let wide = Timing {
@@ -223,9 +217,7 @@ fn bins_resumed_from_a_checkpoint_have_the_same_bits_and_wide_filters_fill_all_s
 
 #[test]
 fn bins_that_do_not_fit_are_refused_with_both_sizes() {
-    let Some(device) = harness::device() else {
-        return;
-    };
+    let device = or_return!(harness::device());
     let mut small = device.info.clone();
     small.limits.storage_range = 1 << 20;
     let small = Device::open(small, device.info.caps).unwrap();

@@ -208,9 +208,7 @@ fn weights_in_single_precision_are_those_of_their_definition() {
     for (name, scene, max_depth) in scenes {
         for mis in ["power", "balance", "none"] {
             let job = weighted_job(mis, max_depth);
-            let Some(errors) = compare(&harness::sources(), &scene, &job) else {
-                return;
-            };
+            let errors = or_return!(compare(&harness::sources(), &scene, &job));
             println!(
                 "{name}, {mis}: {} weights, errors {:.1e} {:.1e} {:.1e} {:.1e}, {} samples diverge",
                 errors.sorted.len(),
@@ -253,9 +251,7 @@ fn planted_bugs_in_the_recursion_of_weights_are_found() {
         let folder = tempfile::tempdir().unwrap();
         write_shaders(folder.path(), from, to);
         let sources = Sources::Folder(folder.path().to_owned());
-        let Some(errors) = compare(&sources, &tiny_lights(), &weighted_job("power", 7)) else {
-            return;
-        };
+        let errors = or_return!(compare(&sources, &tiny_lights(), &weighted_job("power", 7)));
         let problem = errors.problem();
         println!("{from}: {problem:?}");
         assert!(problem.is_some(), "not found: {from}");

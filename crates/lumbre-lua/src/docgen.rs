@@ -504,16 +504,9 @@ mod tests {
 
     #[test]
     fn ranges_read_like_ranges() {
+        assert_eq!(range(&Ty::int(1, 9)).as_deref(), Some("between 1 and 9"));
         assert_eq!(
-            range(&Ty::Int { min: 1, max: 9 }).as_deref(),
-            Some("between 1 and 9")
-        );
-        assert_eq!(
-            range(&Ty::Num {
-                min: 0.0,
-                max: f64::MAX
-            })
-            .as_deref(),
+            range(&Ty::num(0.0, f64::MAX)).as_deref(),
             Some("at least 0")
         );
         assert_eq!(range(&Ty::Str), None);

@@ -131,12 +131,11 @@ impl Script {
     ) -> Result<BTreeMap<String, Value>, ScriptError> {
         let read = || match value {
             LuaValue::Table(_) => strict::read(value, path, ""),
-            other => Err(SchemaError {
-                path: path.to_owned(),
-                problem: format!("the function returned {}: expected a table", kind(other)),
-                help: None,
-                key: String::new(),
-            }),
+            other => Err(SchemaError::new(
+                path,
+                "",
+                format!("the function returned {}: expected a table", kind(other)),
+            )),
         };
         match read() {
             Ok(Value::Map(map)) => Ok(map),

@@ -41,12 +41,7 @@ impl Script {
         let text = &sources.get(place.source).text;
         // Scene and backend may be decided elsewhere, such as on the command line.
         locate::find_key(text, place.line, place.last, &[key])?;
-        let located = SchemaError {
-            path: key.to_owned(),
-            problem: String::new(),
-            help: None,
-            key: key.to_owned(),
-        };
+        let located = SchemaError::new(key, key, "");
         let problem = Problem::Plan {
             message: error.to_string(),
         };

@@ -400,7 +400,7 @@ fn set_paths(page: &mut Page) {
         page.push(&row([&format!("`{path}`"), &type_text(ty), &sentence(doc)]));
     };
     for setting in SCENE_PARAMS {
-        push(setting.path, &setting.ty, setting.doc);
+        push(setting.name, &setting.ty, setting.doc);
     }
     for setting in ENTITY_PARAMS {
         push(

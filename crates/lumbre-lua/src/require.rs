@@ -1,23 +1,13 @@
 //! `require` for scripts: loads Lua modules from below the script's own folder only.
 
 use std::path::PathBuf;
-use std::rc::Rc;
 
 use mlua::chunk::ChunkMode;
 use mlua::{Lua, Value as LuaValue};
 
-use super::api::{Args, Param};
+use super::api::Args;
 use super::error::ScriptError;
 use super::source;
-use super::state::Shared;
-
-/// Parameters of `require`, for the annotations and the reference page.
-pub const PARAMS: &[Param] = &[Param {
-    name: "name",
-    ty: "string",
-    doc: "Name of the module: `lib.boxes` or `lib/boxes` is the file `lib/boxes.lua` beside the \
-          script.",
-}];
 
 /// Key of the table of loaded modules in the Lua registry.
 const LOADED: &str = "lumbre.modules";
@@ -30,9 +20,8 @@ const MAX_MODULES: usize = 256;
 /// # Errors
 /// Returns an error for an invalid name, a path outside the script's folder, a missing file, a
 /// cycle, a call after loading, or an error in the module.
-pub fn require(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let name = args.text(shared, 0, "name")?;
+pub fn require(args: &Args) -> Result<LuaValue, ScriptError> {
+    let name = args.text(0, "name")?;
     let steps: Vec<&str> = name.split(['.', '/']).collect();
     let legal = |step: &&str| {
         !step.is_empty()
@@ -44,33 +33,27 @@ pub fn require(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, 
         let help = "modules must be below the script's own folder: `lib.boxes` is \
              lib/boxes.lua"
             .to_owned();
-        return Err(args.error(
-            shared,
-            format!("`{name}` is not a valid module name"),
-            Some(help),
-        ));
+        return Err(args.error(format!("`{name}` is not a valid module name"), Some(help)));
     }
     let key = steps.join("/");
-    let loaded = loaded_table(lua).map_err(|e| shared.convert(&e))?;
+    let loaded = loaded_table(&args.lua).map_err(|e| args.shared.convert(&e))?;
     let known: LuaValue = loaded
         .raw_get(key.as_str())
-        .map_err(|e| shared.convert(&e))?;
+        .map_err(|e| args.shared.convert(&e))?;
     if !known.is_nil() {
         return Ok(known);
     }
-    if !shared.loading.get() {
+    if !args.shared.loading.get() {
         let help = "call require at the top of the script".to_owned();
         return Err(args.error(
-            shared,
             format!("`{name}` cannot be loaded after the script has ended"),
             Some(help),
         ));
     }
-    if shared.requiring.borrow().contains(&key) {
-        let mut chain = shared.requiring.borrow().clone();
+    if args.shared.requiring.borrow().contains(&key) {
+        let mut chain = args.shared.requiring.borrow().clone();
         chain.push(key);
         return Err(args.error(
-            shared,
             format!(
                 "modules require each other in a circle: {}",
                 chain.join(" -> ")
@@ -78,42 +61,38 @@ pub fn require(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, 
             None,
         ));
     }
-    if shared.sources.borrow().count() > MAX_MODULES {
+    if args.shared.sources.borrow().count() > MAX_MODULES {
         return Err(args.error(
-            shared,
             format!("the script requires more than {MAX_MODULES} modules"),
             None,
         ));
     }
-    let value = run_module(shared, lua, args, &key)?;
+    let value = run_module(args, &key)?;
     loaded
         .raw_set(key, value.clone())
-        .map_err(|e| shared.convert(&e))?;
+        .map_err(|e| args.shared.convert(&e))?;
     Ok(value)
 }
 
 /// Runs the module `key` and returns its value, or `true` if it returned nothing.
-fn run_module(
-    shared: &Rc<Shared>,
-    lua: &Lua,
-    args: &Args,
-    key: &str,
-) -> Result<LuaValue, ScriptError> {
-    let file = find(shared, args, key)?;
+fn run_module(args: &Args, key: &str) -> Result<LuaValue, ScriptError> {
+    let file = find(args, key)?;
     let text = source::read(&file)?;
-    let index = shared
+    let index = args
+        .shared
         .sources
         .borrow_mut()
         .add(&format!("{key}.lua"), &file, text.clone());
-    let chunk = format!("@{}", shared.sources.borrow().get(index).chunk);
-    shared.requiring.borrow_mut().push(key.to_owned());
-    let result = lua
+    let chunk = format!("@{}", args.shared.sources.borrow().get(index).chunk);
+    args.shared.requiring.borrow_mut().push(key.to_owned());
+    let result = args
+        .lua
         .load(text)
         .set_name(chunk)
         .set_mode(ChunkMode::Text)
         .call::<LuaValue>(());
-    shared.requiring.borrow_mut().pop();
-    Ok(match result.map_err(|e| shared.convert(&e))? {
+    args.shared.requiring.borrow_mut().pop();
+    Ok(match result.map_err(|e| args.shared.convert(&e))? {
         LuaValue::Nil => LuaValue::Boolean(true),
         value => value,
     })
@@ -133,19 +112,18 @@ fn loaded_table(lua: &Lua) -> mlua::Result<mlua::Table> {
 
 /// Returns the module's file. It must be below the script's folder even after symbolic links are
 /// resolved.
-fn find(shared: &Shared, args: &Args, key: &str) -> Result<PathBuf, ScriptError> {
-    let file = shared.folder.join(format!("{key}.lua"));
+fn find(args: &Args, key: &str) -> Result<PathBuf, ScriptError> {
+    let file = args.shared.folder.join(format!("{key}.lua"));
     let real = |path: &PathBuf| path.canonicalize();
-    match (real(&file), real(&shared.folder)) {
+    match (real(&file), real(&args.shared.folder)) {
         (Ok(found), Ok(folder)) if found.starts_with(&folder) => Ok(file),
         (Ok(_), Ok(_)) => {
             let help = "modules must be below the script's own folder".to_owned();
             Err(args.error(
-                shared,
                 format!("{} is outside the script's folder", file.display()),
                 Some(help),
             ))
         }
-        _ => Err(args.error(shared, format!("there is no file {}", file.display()), None)),
+        _ => Err(args.error(format!("there is no file {}", file.display()), None)),
     }
 }

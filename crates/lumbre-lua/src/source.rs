@@ -352,12 +352,7 @@ mod tests {
             line: 2,
             last: None,
         };
-        let error = SchemaError {
-            path: "y.aa.bad".to_owned(),
-            problem: "unknown".to_owned(),
-            help: None,
-            key: "bad".to_owned(),
-        };
+        let error = SchemaError::new("y.aa.bad", "bad", "unknown");
         let e = s.locate_error(&place, error);
         assert_eq!((e.line(), e.pointed_at()), (Some(2), Some("bad")));
         assert_eq!(e.to_string(), "dir/a.lua:2: y.aa.bad: unknown");
@@ -365,12 +360,7 @@ mod tests {
 
     #[test]
     fn keys_with_dots_stay_whole() {
-        let error = SchemaError {
-            path: "render.set.materials.egg.ior".to_owned(),
-            problem: String::new(),
-            help: None,
-            key: "materials.egg.ior".to_owned(),
-        };
+        let error = SchemaError::new("render.set.materials.egg.ior", "materials.egg.ior", "");
         assert_eq!(keys_of(&error), ["render", "set", "materials.egg.ior"]);
     }
 

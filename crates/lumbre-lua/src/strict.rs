@@ -34,6 +34,44 @@ pub struct Fields {
     pub extra: Vec<(String, Lua)>,
 }
 
+impl Fields {
+    /// Returns a number; `None` if it is not given.
+    pub fn f64(&self, key: &str) -> Option<f64> {
+        self.values.get(key).and_then(Value::as_f64)
+    }
+
+    /// Returns a number in single precision; `None` if it is not given.
+    pub fn f32(&self, key: &str) -> Option<f32> {
+        self.f64(key).map(|x| x as f32)
+    }
+
+    /// Returns an integer; `None` if it is not given.
+    pub fn i64(&self, key: &str) -> Option<i64> {
+        self.values.get(key).and_then(Value::as_i64)
+    }
+
+    /// Returns a text; `None` if it is not given.
+    pub fn text(&self, key: &str) -> Option<&str> {
+        self.values.get(key).and_then(Value::as_str)
+    }
+
+    /// Returns whether a field is `true`.
+    pub fn is_true(&self, key: &str) -> bool {
+        self.values.get(key) == Some(&Value::Bool(true))
+    }
+
+    /// Returns a list of numbers; `None` if it is not given.
+    pub fn numbers<const N: usize>(&self, key: &str) -> Option<[f32; N]> {
+        self.values.get(key).map(numbers)
+    }
+}
+
+/// Returns the numbers of a list that was checked against its schema.
+pub fn numbers<const N: usize>(value: &Value) -> [f32; N] {
+    let items = value.as_list().unwrap_or_default();
+    std::array::from_fn(|i| items.get(i).and_then(Value::as_f64).unwrap_or_default() as f32)
+}
+
 /// State of one conversion.
 #[derive(Default)]
 struct Reader {
@@ -61,10 +99,10 @@ pub fn entries(table: &mlua::Table, path: &str) -> Result<Vec<(String, Lua)>, Sc
     let key = path.rsplit('.').next().unwrap_or(path);
     match Reader::default().entries(table, path, key)? {
         TableEntries::List(items) if items.is_empty() => Ok(Vec::new()),
-        TableEntries::List(_) => Err(problem(
+        TableEntries::List(_) => Err(SchemaError::new(
             path,
             key,
-            "expected a table of named fields, found a list".to_owned(),
+            "expected a table of named fields, found a list",
         )),
         TableEntries::Record(fields) => Ok(fields),
     }
@@ -114,30 +152,21 @@ enum TableEntries {
     Record(Vec<(String, Lua)>),
 }
 
-fn problem(path: &str, key: &str, problem: String) -> SchemaError {
-    SchemaError {
-        path: path.to_owned(),
-        problem,
-        help: None,
-        key: key.to_owned(),
-    }
-}
-
 impl Reader {
     fn value(&mut self, value: &Lua, path: &str, key: &str) -> Result<Value, SchemaError> {
         match value {
             Lua::Nil => Ok(Value::Nil),
             Lua::Boolean(b) => Ok(Value::Bool(*b)),
             Lua::Integer(i) => Ok(Value::Int(*i)),
-            Lua::Number(x) if x.is_nan() => Err(problem(
+            Lua::Number(x) if x.is_nan() => Err(SchemaError::new(
                 path,
                 key,
-                "the number is NaN (0/0, or the square root of a negative number)".to_owned(),
+                "the number is NaN (0/0, or the square root of a negative number)",
             )),
             Lua::Number(x) => Ok(Value::number(*x)),
             Lua::String(s) => self.text(s, path, key).map(Value::Str),
             Lua::Table(t) => self.table(t, path, key),
-            other => Err(problem(
+            other => Err(SchemaError::new(
                 path,
                 key,
                 format!("expected plain data, found {}", kind(other)),
@@ -154,7 +183,7 @@ impl Reader {
         let bytes = text.as_bytes();
         self.text += bytes.len();
         if self.text > MAX_TEXT {
-            return Err(problem(
+            return Err(SchemaError::new(
                 path,
                 key,
                 format!("more than {} MiB of text in one table", MAX_TEXT >> 20),
@@ -162,7 +191,7 @@ impl Reader {
         }
         match std::str::from_utf8(&bytes) {
             Ok(s) => Ok(s.to_owned()),
-            Err(e) => Err(problem(
+            Err(e) => Err(SchemaError::new(
                 path,
                 key,
                 format!("the text is not UTF-8 (byte {})", e.valid_up_to() + 1),
@@ -173,10 +202,10 @@ impl Reader {
     fn table(&mut self, table: &mlua::Table, path: &str, key: &str) -> Result<Value, SchemaError> {
         let identity = table.to_pointer();
         if self.inside.contains(&identity) {
-            return Err(problem(path, key, "the table contains itself".to_owned()));
+            return Err(SchemaError::new(path, key, "the table contains itself"));
         }
         if self.inside.len() >= MAX_DEPTH {
-            return Err(problem(
+            return Err(SchemaError::new(
                 path,
                 key,
                 format!("tables are nested more than {MAX_DEPTH} deep"),
@@ -218,7 +247,7 @@ impl Reader {
         let mut items: BTreeMap<i64, Lua> = BTreeMap::new();
         let mut names: BTreeMap<String, Lua> = BTreeMap::new();
         for pair in table.pairs::<Lua, Lua>() {
-            let (k, v) = pair.map_err(|e| problem(path, key, e.to_string()))?;
+            let (k, v) = pair.map_err(|e| SchemaError::new(path, key, e.to_string()))?;
             match k {
                 Lua::Integer(i) => {
                     items.insert(i, v);
@@ -227,7 +256,7 @@ impl Reader {
                     names.insert(self.text(&s, path, key)?, v);
                 }
                 other => {
-                    return Err(problem(
+                    return Err(SchemaError::new(
                         path,
                         key,
                         format!("keys are names, found {} as a key", kind(&other)),
@@ -236,7 +265,7 @@ impl Reader {
             }
             self.values += 1;
             if self.values > MAX_VALUES {
-                return Err(problem(
+                return Err(SchemaError::new(
                     path,
                     key,
                     format!("more than {MAX_VALUES} values in one table"),
@@ -245,7 +274,7 @@ impl Reader {
         }
         if !items.is_empty() && !names.is_empty() {
             let name = names.keys().next().cloned().unwrap_or_default();
-            return Err(problem(
+            return Err(SchemaError::new(
                 path,
                 key,
                 format!(
@@ -258,7 +287,7 @@ impl Reader {
             return Ok(TableEntries::Record(names.into_iter().collect()));
         }
         if let Some(hole) = find_hole(items.keys()) {
-            return Err(problem(path, key, hole));
+            return Err(SchemaError::new(path, key, hole));
         }
         Ok(TableEntries::List(items.into_values().collect()))
     }
@@ -277,7 +306,6 @@ fn find_hole<'a>(indices: impl Iterator<Item = &'a i64>) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lumbre_light::value::schema::Field;
 
     fn eval(code: &str) -> (mlua::Lua, Lua) {
         let lua = mlua::Lua::new();
@@ -346,26 +374,11 @@ mod tests {
 
     #[test]
     fn schemas_split_data_from_objects() {
-        const SCHEMA: Table = Table {
-            name: "T",
-            doc: "",
-            fields: &[
-                Field {
-                    key: "from",
-                    ty: Ty::Object("fun()"),
-                    required: true,
-                    default: "",
-                    doc: "a function",
-                },
-                Field {
-                    key: "n",
-                    ty: Ty::Int { min: 1, max: 9 },
-                    required: false,
-                    default: "",
-                    doc: "",
-                },
-            ],
-        };
+        lumbre_light::table! {
+            const SCHEMA = "T", "";
+            from: Ty::Object("fun()"), "a function";
+            n = "": Ty::int(1, 9), "";
+        }
         let table = |code: &str| match eval(code) {
             (lua, Lua::Table(t)) => (lua, t),
             _ => unreachable!("the code returns a table"),

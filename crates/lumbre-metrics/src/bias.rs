@@ -2,9 +2,10 @@
 
 use super::floor::Noise;
 use super::map::{Colours, PixelMap};
-use super::{Better, MetricRow, MetricSpec, ON, pixels};
+use super::{Better, DEFAULTS, MetricRow, MetricSpec, ON, pixels};
+use lumbre_light::field;
 use lumbre_light::film::Image;
-use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_light::value::schema::{Table, Ty};
 
 /// Table row of the metric `bias`.
 pub const ROW: MetricRow = MetricRow {
@@ -14,22 +15,19 @@ pub const ROW: MetricRow = MetricRow {
     unit: "radiance",
     doc: "Mean over pixels and channels of i - r, with its sign.",
     better: Better::NearZero,
-    perfect: 0.0,
     options: Table {
         name: "BiasOptions",
         doc: "Options of `bias`.",
         fields: &[ON],
     },
-    smallest: |_| 1,
     eval: |image, reference, _| pixels::mean(image, reference, |i, r| i - r),
-    prepare: None,
     map: Some(PixelMap {
         eval: |image, reference, _| pixels::each(image, reference, |i, r| i - r),
         colours: Colours::CoolWarm,
         top: None,
     }),
     noise: Noise::Silent,
-    settle: None,
+    ..DEFAULTS
 };
 
 /// Table row of the metric `bias_se`.
@@ -40,28 +38,22 @@ pub const ERROR_ROW: MetricRow = MetricRow {
     unit: "radiance",
     doc: "Standard error of `bias` from how the means of square blocks of pixels scatter; it includes the noise of the \
           reference, and where the bias differs over the picture it is too large rather than too small.",
-    better: Better::Lower,
-    perfect: 0.0,
     options: Table {
         name: "BiasSeOptions",
         doc: "Options of `bias_se`.",
         fields: &[
-            Field {
-                key: "block",
-                ty: Ty::Int { min: 1, max: 4096 },
-                required: false,
-                default: "8",
-                doc: "side of a block in pixels; larger than what a pixel filter or a splat makes alike",
+            field! {
+                block = "8": Ty::int(1, 4096),
+                    "side of a block in pixels; larger than what a pixel filter or a splat makes \
+                     alike"
             },
             ON,
         ],
     },
     smallest: |spec| block(spec) as u32 + 1,
     eval: standard_error,
-    prepare: None,
-    map: None,
     noise: Noise::AddsSquared,
-    settle: None,
+    ..DEFAULTS
 };
 
 fn block(spec: &MetricSpec) -> usize {

@@ -11,11 +11,12 @@
 
 use super::floor::Noise;
 use super::map::{Colours, PixelMap};
-use super::{Better, MetricRow, MetricSpec, ON};
+use super::{DEFAULTS, MetricRow, MetricSpec, ON};
+use lumbre_light::field;
 use lumbre_light::film::Image;
 use lumbre_light::math::luminance::luminance;
 use lumbre_light::math::stats::median;
-use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_light::value::schema::{Table, Ty};
 
 /// Table row of the metric `fireflies`.
 pub const ROW: MetricRow = MetricRow {
@@ -25,40 +26,26 @@ pub const ROW: MetricRow = MetricRow {
     unit: "pixels",
     doc: "Pixels whose luminance exceeds the reference by more than `deviations` robust standard deviations of the \
           picture's own relative error, and by more than `excess` times the reference (median and MAD [Hampel 1974]).",
-    better: Better::Lower,
-    perfect: 0.0,
     options: Table {
         name: "FirefliesOptions",
         doc: "Options of `fireflies`.",
         fields: &[
-            Field {
-                key: "deviations",
-                ty: Ty::Num { min: 0.0, max: 1e6 },
-                required: false,
-                default: "10",
-                doc: "robust standard deviations above the median relative error",
+            field! {
+                deviations = "10": Ty::num(0.0, 1e6),
+                    "robust standard deviations above the median relative error"
             },
-            Field {
-                key: "excess",
-                ty: Ty::Num { min: 0.0, max: 1e6 },
-                required: false,
-                default: "1",
-                doc: "smallest relative excess over the reference; 1 is twice as bright",
+            field! {
+                excess = "1": Ty::num(0.0, 1e6),
+                    "smallest relative excess over the reference; 1 is twice as bright"
             },
-            Field {
-                key: "floor",
-                ty: Ty::Num {
-                    min: 1e-6,
-                    max: 1e3,
-                },
-                required: false,
-                default: "0.1",
-                doc: "added to the reference's luminance, as a fraction of its mean, so that black pixels can be compared",
+            field! {
+                floor = "0.1": Ty::num(1e-6, 1e3),
+                    "added to the reference's luminance, as a fraction of its mean, so that black \
+                     pixels can be compared"
             },
             ON,
         ],
     },
-    smallest: |_| 1,
     eval: |image, reference, spec| {
         let excess = excess(image, reference, spec);
         if excess.iter().any(|e| e.is_nan()) {
@@ -66,14 +53,13 @@ pub const ROW: MetricRow = MetricRow {
         }
         excess.iter().filter(|e| **e > 0.0).count() as f64
     },
-    prepare: None,
     map: Some(PixelMap {
         eval: excess,
         colours: Colours::Magma,
         top: None,
     }),
     noise: Noise::Silent,
-    settle: None,
+    ..DEFAULTS
 };
 
 /// Relative excess of every firefly, 0 for all other pixels, NaN for pixels that are NaN.

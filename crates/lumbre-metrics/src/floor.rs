@@ -89,11 +89,7 @@ fn groups(image: &Image) -> Vec<Image> {
         // A step from row to row, so that groups are no columns where a row has as many squares.
         groups[(square + y / side * 5) as usize % GROUPS].push(*pixel);
     }
-    let row = |data: Vec<[f32; 3]>| Image {
-        width: data.len() as u32,
-        height: 1,
-        data,
-    };
+    let row = |data: Vec<[f32; 3]>| Image::from_pixels(data.len() as u32, 1, data);
     groups.into_iter().map(row).collect()
 }
 
@@ -119,11 +115,7 @@ impl Halves<'_> {
                     .map(|c| (f64::from(r[c]) + scale * (f64::from(a[c]) - f64::from(b[c]))) as f32)
             };
             let data = reference.data.iter().zip(halves).map(pixel).collect();
-            Image {
-                width: reference.width,
-                height: reference.height,
-                data,
-            }
+            Image::from_pixels(reference.width, reference.height, data)
         })
     }
 }

@@ -36,6 +36,7 @@ use std::collections::BTreeMap;
 pub use reference::reference;
 
 use floor::Noise;
+use lumbre_light::field;
 use lumbre_light::film::Image;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, unknown_name};
@@ -125,6 +126,46 @@ pub struct MetricRow {
     pub settle: Option<Settle>,
 }
 
+/// Row of what most metrics have in common. Each metric adds its names and its computation.
+const DEFAULTS: MetricRow = MetricRow {
+    name: "",
+    label: "",
+    long_name: "",
+    unit: "",
+    doc: "",
+    better: Better::Lower,
+    perfect: 0.0,
+    options: Table {
+        name: "",
+        doc: "",
+        fields: &[],
+    },
+    smallest: |_| 1,
+    eval: |_, _, _| f64::NAN,
+    prepare: None,
+    map: None,
+    noise: Noise::Bounds,
+    settle: None,
+};
+
+/// Part of the row of a metric that is the mean of an error of pixels and channels, which is also
+/// its map: `of_pixels!(|options| error)`, where `error` is a function of the values of the image
+/// and of the reference.
+macro_rules! of_pixels {
+    (|$spec:pat_param| $error:expr) => {
+        $crate::MetricRow {
+            eval: |image, reference, $spec| $crate::pixels::mean(image, reference, $error),
+            map: Some($crate::map::PixelMap {
+                eval: |image, reference, $spec| $crate::pixels::each(image, reference, $error),
+                colours: $crate::map::Colours::Magma,
+                top: None,
+            }),
+            ..$crate::DEFAULTS
+        }
+    };
+}
+use of_pixels;
+
 /// A metric with a fixed reference. Images are as for [`MetricRow::eval`].
 pub type Prepared = Box<dyn Fn(&Image) -> f64 + Send + Sync>;
 
@@ -201,12 +242,9 @@ pub const METRICS: &[MetricRow] = &[
 ];
 
 /// Option of every metric without a tone mapper of its own.
-const ON: Field = Field {
-    key: "on",
-    ty: Ty::Any("Tonemap"),
-    required: false,
-    default: "linear radiance, no tone map",
-    doc: "tone map applied to the image and to the reference first",
+const ON: Field = field! {
+    on = "linear radiance, no tone map": Ty::Any("Tonemap"),
+        "tone map applied to the image and to the reference first"
 };
 
 /// Option of metrics of displayed pictures, which depend on the largest possible value: see
@@ -217,15 +255,9 @@ const DISPLAY_ON: Field = Field {
 };
 
 /// Option of metrics that depend on the largest possible value.
-const RANGE: Field = Field {
-    key: "range",
-    ty: Ty::Num {
-        min: 1e-6,
-        max: f64::MAX,
-    },
-    required: false,
-    default: "1",
-    doc: "largest value minus smallest value that a channel can have; 1 for display values",
+const RANGE: Field = field! {
+    range = "1": Ty::num(1e-6, f64::MAX),
+        "largest value minus smallest value that a channel can have; 1 for display values"
 };
 
 /// Returns the row with this name.

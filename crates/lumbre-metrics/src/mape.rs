@@ -1,8 +1,8 @@
 //! Errors in proportion to radiance: the mean absolute percentage error and its symmetric form.
 
 use super::floor::Noise;
-use super::map::{Colours, PixelMap};
-use super::{Better, MetricRow, ON, pixels};
+use super::{MetricRow, ON, of_pixels};
+use lumbre_light::field;
 use lumbre_light::value::schema::{Field, Table, Ty};
 
 /// Table row of the metric `mape`.
@@ -10,25 +10,14 @@ pub const ROW: MetricRow = MetricRow {
     name: "mape",
     label: "MAPE",
     long_name: "mean absolute percentage error",
-    unit: "",
     doc: "Mean over pixels and channels of |i - r| / (|r| + eps), as a fraction: 0.1 is 10 % [Müller et al. 2019].",
-    better: Better::Lower,
-    perfect: 0.0,
     options: Table {
         name: "MapeOptions",
         doc: "Options of `mape`.",
         fields: &[EPS, ON],
     },
-    smallest: |_| 1,
-    eval: |image, reference, spec| pixels::mean(image, reference, relative(spec.number("eps"))),
-    prepare: None,
-    map: Some(PixelMap {
-        eval: |image, reference, spec| pixels::each(image, reference, relative(spec.number("eps"))),
-        colours: Colours::Magma,
-        top: None,
-    }),
     noise: Noise::Bounds,
-    settle: None,
+    ..of_pixels!(|spec| relative(spec.number("eps")))
 };
 
 /// Table row of the metric `smape`.
@@ -36,40 +25,21 @@ pub const SYMMETRIC_ROW: MetricRow = MetricRow {
     name: "smape",
     label: "SMAPE",
     long_name: "symmetric mean absolute percentage error",
-    unit: "",
     doc: "Mean over pixels and channels of |i - r| / (|i| + |r| + eps), as a fraction of at most 1, so that no single \
           pixel dominates it [Vogels et al. 2018].",
-    better: Better::Lower,
-    perfect: 0.0,
     options: Table {
         name: "SmapeOptions",
         doc: "Options of `smape`.",
         fields: &[EPS, ON],
     },
-    smallest: |_| 1,
-    eval: |image, reference, spec| pixels::mean(image, reference, symmetric(spec.number("eps"))),
-    prepare: None,
-    map: Some(PixelMap {
-        eval: |image, reference, spec| {
-            pixels::each(image, reference, symmetric(spec.number("eps")))
-        },
-        colours: Colours::Magma,
-        top: None,
-    }),
     noise: Noise::Bounds,
-    settle: None,
+    ..of_pixels!(|spec| symmetric(spec.number("eps")))
 };
 
 /// Option of both metrics.
-const EPS: Field = Field {
-    key: "eps",
-    ty: Ty::Num {
-        min: 1e-9,
-        max: f64::MAX,
-    },
-    required: false,
-    default: "0.01",
-    doc: "added to the denominator, in radiance; bounds the weight of black pixels",
+const EPS: Field = field! {
+    eps = "0.01": Ty::num(1e-9, f64::MAX),
+        "added to the denominator, in radiance; bounds the weight of black pixels"
 };
 
 /// Returns the error in proportion to the reference.

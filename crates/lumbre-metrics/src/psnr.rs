@@ -1,7 +1,7 @@
 //! Peak signal-to-noise ratio.
 
 use super::floor::Noise;
-use super::{Better, DISPLAY_ON, MetricRow, RANGE, pixels};
+use super::{Better, DEFAULTS, DISPLAY_ON, MetricRow, RANGE, pixels};
 use lumbre_light::value::schema::Table;
 
 /// Table row of the metric `psnr`.
@@ -18,14 +18,11 @@ pub const ROW: MetricRow = MetricRow {
         doc: "Options of `psnr`.",
         fields: &[RANGE, DISPLAY_ON],
     },
-    smallest: |_| 1,
     eval: |image, reference, spec| {
         let range = spec.number(RANGE.key);
         let mse = pixels::mean(image, reference, |i, r| (i - r) * (i - r));
         10.0 * (range * range / mse).log10()
     },
-    prepare: None,
-    map: None,
     noise: Noise::Decibels,
-    settle: None,
+    ..DEFAULTS
 };

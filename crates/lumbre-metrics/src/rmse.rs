@@ -2,7 +2,7 @@
 
 use super::floor::Noise;
 use super::map::{Colours, PixelMap};
-use super::{Better, MetricRow, ON, pixels};
+use super::{DEFAULTS, MetricRow, ON, pixels};
 use lumbre_light::value::schema::Table;
 
 /// Table row of the metric `rmse`.
@@ -12,16 +12,12 @@ pub const ROW: MetricRow = MetricRow {
     long_name: "root mean square error",
     unit: "radiance",
     doc: "Square root of `mse`.",
-    better: Better::Lower,
-    perfect: 0.0,
     options: Table {
         name: "RmseOptions",
         doc: "Options of `rmse`.",
         fields: &[ON],
     },
-    smallest: |_| 1,
     eval: |image, reference, _| pixels::mean(image, reference, |i, r| (i - r) * (i - r)).sqrt(),
-    prepare: None,
     map: Some(PixelMap {
         eval: |image, reference, _| {
             let squares = pixels::each(image, reference, |i, r| (i - r) * (i - r));
@@ -31,5 +27,5 @@ pub const ROW: MetricRow = MetricRow {
         top: None,
     }),
     noise: Noise::AddsSquared,
-    settle: None,
+    ..DEFAULTS
 };

@@ -7,16 +7,16 @@ use rayon::prelude::*;
 
 use super::floor::Noise;
 use super::map::{Colours, PixelMap};
-use super::{Better, DISPLAY_ON, MetricRow, MetricSpec, RANGE};
+use super::{Better, DEFAULTS, DISPLAY_ON, MetricRow, MetricSpec, RANGE};
+use lumbre_light::field;
 use lumbre_light::film::Image;
-use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_light::value::schema::{Table, Ty};
 
 /// Table row of the metric `ssim`.
 pub const ROW: MetricRow = MetricRow {
     name: "ssim",
     label: "SSIM",
     long_name: "structural similarity",
-    unit: "",
     doc: "Mean structural similarity [Wang 2004] with K1 = 0.01 and K2 = 0.03, equal to scikit-image's \
           `structural_similarity`. Images smaller than the window are an error.",
     better: Better::Higher,
@@ -26,12 +26,10 @@ pub const ROW: MetricRow = MetricRow {
         doc: "Options of `ssim`.",
         fields: &[
             RANGE,
-            Field {
-                key: "window",
-                ty: Ty::Word(&["uniform", "gauss"]),
-                required: false,
-                default: "uniform",
-                doc: "`uniform`: 7x7 pixels, sample covariance; `gauss`: sigma 1.5 cut to 11x11 pixels, as in the paper",
+            field! {
+                window = "uniform": Ty::Word(&["uniform", "gauss"]),
+                    "`uniform`: 7x7 pixels, sample covariance; `gauss`: sigma 1.5 cut to 11x11 \
+                     pixels, as in the paper"
             },
             DISPLAY_ON,
         ],
@@ -51,7 +49,6 @@ pub const ROW: MetricRow = MetricRow {
             Windows::uniform(image, reference, range).mean()
         }
     },
-    prepare: None,
     map: Some(PixelMap {
         eval: |image, reference, spec| {
             let range = spec.number(RANGE.key);
@@ -65,7 +62,7 @@ pub const ROW: MetricRow = MetricRow {
         top: Some(1.0),
     }),
     noise: Noise::Similarity,
-    settle: None,
+    ..DEFAULTS
 };
 
 /// Side of the uniform window in pixels.
@@ -294,11 +291,7 @@ mod tests {
         let noise = |x: u32, c: u32| ((x * 7 + c * 3) % 11) as f32 / 11.0;
         let a = Image::from_fn(20, 130, |x, _| [0, 1, 2].map(|c| noise(x, c)));
         let b = Image::from_fn(20, 130, |x, _| [0, 1, 2].map(|c| noise(x + 1, c)));
-        let short = |i: &Image| Image {
-            width: 20,
-            height: 7,
-            data: i.data[..140].to_vec(),
-        };
+        let short = |i: &Image| Image::from_pixels(20, 7, i.data[..140].to_vec());
         let spec = MetricSpec::new("ssim", "ssim", BTreeMap::new()).unwrap();
         let (tall, small) = (
             spec.eval(&a, &b).unwrap(),

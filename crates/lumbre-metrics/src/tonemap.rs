@@ -5,6 +5,7 @@ use std::fmt;
 
 use rayon::prelude::*;
 
+use lumbre_light::field;
 use lumbre_light::film::Image;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, unknown_name};
@@ -33,26 +34,12 @@ pub enum Tonemap {
     },
 }
 
-const EXPOSURE: Field = Field {
-    key: "exposure",
-    ty: Ty::Num {
-        min: -64.0,
-        max: 64.0,
-    },
-    required: false,
-    default: "0",
-    doc: "stops: radiance is multiplied by 2^exposure first",
+const EXPOSURE: Field = field! {
+    exposure = "0": Ty::num(-64.0, 64.0), "stops: radiance is multiplied by 2^exposure first"
 };
 
-const GAMMA: Field = Field {
-    key: "gamma",
-    ty: Ty::Num {
-        min: 0.1,
-        max: 10.0,
-    },
-    required: false,
-    default: "2.2",
-    doc: "display gamma: values are raised to 1 / gamma last",
+const GAMMA: Field = field! {
+    gamma = "2.2": Ty::num(0.1, 10.0), "display gamma: values are raised to 1 / gamma last"
 };
 
 /// All tone maps: name in scripts, and schema of the parameters (the key `kind` holds the name).
@@ -95,15 +82,15 @@ impl Tonemap {
             .and_then(|map| map.get("kind"))
             .and_then(Value::as_str);
         let (Some(map), Some(kind)) = (value.as_map(), kind) else {
-            return Err(SchemaError {
-                path: path.to_owned(),
-                problem: format!("expected a tone map, found {} `{value}`", value.kind()),
-                help: Some(format!(
-                    "known tone maps: {}",
-                    names().collect::<Vec<_>>().join(", ")
-                )),
-                key: path.rsplit('.').next().unwrap_or(path).to_owned(),
-            });
+            return Err(SchemaError::new(
+                path,
+                path.rsplit('.').next().unwrap_or(path).to_owned(),
+                format!("expected a tone map, found {} `{value}`", value.kind()),
+            )
+            .with_help(format!(
+                "known tone maps: {}",
+                names().collect::<Vec<_>>().join(", ")
+            )));
         };
         let Some((_, table)) = TONEMAPS.iter().find(|(name, _)| *name == kind) else {
             return Err(unknown_name(path, kind, "tone map", names()));
@@ -203,11 +190,7 @@ impl Tonemap {
                 });
             }
         }
-        Image {
-            width: image.width,
-            height: image.height,
-            data,
-        }
+        Image::from_pixels(image.width, image.height, data)
     }
 }
 

@@ -1,42 +1,35 @@
 //! Relative mean squared error without the worst pixels.
 
 use super::floor::Noise;
-use super::{Better, MetricRow, MetricSpec, ON, pixels, relmse};
+use super::{DEFAULTS, MetricRow, MetricSpec, ON, pixels, relmse};
+use lumbre_light::field;
 use lumbre_light::film::Image;
-use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_light::value::schema::{Table, Ty};
 
 /// Table row of the metric `relmse_trimmed`.
 pub const ROW: MetricRow = MetricRow {
     name: "relmse_trimmed",
     label: "trimmed relMSE",
     long_name: "relative mean squared error without the worst pixels",
-    unit: "",
     doc: "`relmse` over the pixels that remain without the worst ones: a few fireflies often decide `relmse`, and this \
           value tells how good the rest is [Müller et al. 2019]. Compare it only beside `relmse`: it also leaves out \
           rare light that a technique should find.",
-    better: Better::Lower,
-    perfect: 0.0,
     options: Table {
         name: "RelMseTrimmedOptions",
         doc: "Options of `relmse_trimmed`.",
         fields: &[
-            Field {
-                key: "worst",
-                ty: Ty::Num { min: 0.0, max: 0.5 },
-                required: false,
-                default: "0.001",
-                doc: "fraction of the pixels that is left out, rounded down to whole pixels; papers use 0.001 and 0.0001",
+            field! {
+                worst = "0.001": Ty::num(0.0, 0.5),
+                    "fraction of the pixels that is left out, rounded down to whole pixels; papers \
+                     use 0.001 and 0.0001"
             },
             relmse::EPS,
             ON,
         ],
     },
-    smallest: |_| 1,
     eval: trimmed,
-    prepare: None,
-    map: None,
     noise: Noise::Bounds,
-    settle: None,
+    ..DEFAULTS
 };
 
 /// Mean of [`relmse`] over all but the worst pixels. A NaN is never left out.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use lumbre_light::scene::compile::Sharing;
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_light::value::schema::Ty;
 
 /// Settings of a scene's bounding volume hierarchy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -115,76 +115,38 @@ fn sharing(name: &str) -> Option<Sharing> {
     Some(SHARINGS[at])
 }
 
-/// Schema of `accel` in the render table.
-pub const ACCEL: Table = Table {
-    name: "Accel",
-    doc: "Settings of the acceleration structure of `cpu` and `vulkan-compute`. They affect only \
-          render time, not the picture.",
-    fields: &[
-        Field {
-            key: "builder",
-            ty: Ty::Word(Builder::NAMES),
-            required: false,
-            default: "ploc",
-            doc: "none: no hierarchy, every ray is tested with every primitive; plane: boxes are \
-                  split in the middle of their longest side; plane_z: always along z, to the \
-                  maximum depth; sah: binned surface area heuristic; median: halves by number; \
-                  ploc: locally ordered clustering with reinsertion; cwbvh: the same with compressed \
-                  nodes, and triangles tested one at a time (on vulkan-compute identical to ploc). \
-                  Where ploc and cwbvh are too deep for traversal, median is used",
-        },
-        Field {
-            key: "bins",
-            ty: Ty::Int { min: 2, max: 1024 },
-            required: false,
-            default: "14",
-            doc: "sah: number of bins along each axis",
-        },
-        Field {
-            key: "max_depth",
-            ty: Ty::Int { min: 0, max: 200 },
-            required: false,
-            default: "48",
-            doc: "plane, plane_z, sah: maximum number of levels below the root",
-        },
-        Field {
-            key: "max_leaf",
-            ty: Ty::Int { min: 1, max: 255 },
-            required: false,
-            default: "8",
-            doc: "number of primitives up to which a leaf is not divided further (plane_z: 1), and to which \
-                  ploc merges leaves if that costs less; the CPU always tests eight at once \
-                  (cwbvh, and ploc on vulkan-compute: at most three)",
-        },
-        Field {
-            key: "quality",
-            ty: Ty::Word(Quality::NAMES),
-            required: false,
-            default: "medium",
-            doc: "ploc, cwbvh: build quality; slower presets make faster hierarchies. All but \
-                  fastest cut long triangles that are oblique to the axes into parts with boxes \
-                  of their own, which add at most half of the number of triangles",
-        },
-        Field {
-            key: "instances",
-            ty: Ty::Word(SHARING_WORDS),
-            required: false,
-            default: "auto",
-            doc: "whether meshes that are used several times are stored once, each with its own \
-                  hierarchy; auto does so in scenes of more than 2^20 triangles, since smaller \
-                  ones render faster without",
-        },
-        Field {
-            key: "lanes",
-            ty: Ty::Word(LaneMode::NAMES),
-            required: false,
-            default: "auto",
-            doc: "cpu: whether to use the vectorised integrators, which give identical pictures. \
-                  auto uses them for every run that can; always is the same under an id of its \
-                  own. References always use them",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Schema of `accel` in the render table.
+    pub const ACCEL = "Accel",
+        "Settings of the acceleration structure of `cpu` and `vulkan-compute`. They affect only \
+         render time, not the picture.";
+    builder = "ploc": Ty::Word(Builder::NAMES),
+        "none: no hierarchy, every ray is tested with every primitive; plane: boxes are split in \
+         the middle of their longest side; plane_z: always along z, to the maximum depth; sah: \
+         binned surface area heuristic; median: halves by number; ploc: locally ordered clustering \
+         with reinsertion; cwbvh: the same with compressed nodes, and triangles tested one at a \
+         time (on vulkan-compute identical to ploc). Where ploc and cwbvh are too deep for \
+         traversal, median is used";
+    bins = "14": Ty::int(2, 1024), "sah: number of bins along each axis";
+    max_depth = "48": Ty::int(0, 200),
+        "plane, plane_z, sah: maximum number of levels below the root";
+    max_leaf = "8": Ty::int(1, 255),
+        "number of primitives up to which a leaf is not divided further (plane_z: 1), and to which \
+         ploc merges leaves if that costs less; the CPU always tests eight at once (cwbvh, and \
+         ploc on vulkan-compute: at most three)";
+    quality = "medium": Ty::Word(Quality::NAMES),
+        "ploc, cwbvh: build quality; slower presets make faster hierarchies. All but fastest cut \
+         long triangles that are oblique to the axes into parts with boxes of their own, which add \
+         at most half of the number of triangles";
+    instances = "auto": Ty::Word(SHARING_WORDS),
+        "whether meshes that are used several times are stored once, each with its own hierarchy; \
+         auto does so in scenes of more than 2^20 triangles, since smaller ones render faster \
+         without";
+    lanes = "auto": Ty::Word(LaneMode::NAMES),
+        "cpu: whether to use the vectorised integrators, which give identical pictures. auto uses \
+         them for every run that can; always is the same under an id of its own. References always \
+         use them";
+}
 
 impl AccelSpec {
     /// Parses a table that was checked against [`ACCEL`].

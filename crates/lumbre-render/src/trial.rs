@@ -6,7 +6,6 @@
 //! [`Trial::max_depth`] sets another number.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::sync::{Arc, Once};
 
 use glam::Vec3;
@@ -307,17 +306,11 @@ fn walls_around(half: f32) -> EntityDesc {
     let positions: Vec<Vec3> = corners.flatten().collect();
     let triangles = (0..6).flat_map(|q| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|i| 4 * q + i)));
     let mut mesh = MeshDesc {
-        file: PathBuf::new(),
         positions,
-        normals: Vec::new(),
-        uvs: Vec::new(),
-        colors: Vec::new(),
-        second_uvs: Vec::new(),
-        tangents: Vec::new(),
         triangles: triangles.collect(),
         slots: vec!["walls".to_owned()],
         triangle_slot: vec![0; 12],
-        content_hash: [0; 32],
+        ..MeshDesc::default()
     };
     mesh.content_hash = mesh_hash(&mesh);
     EntityDesc {
@@ -382,11 +375,9 @@ fn scene(
             position: Vec3::Z * 0.95,
             ..CameraDesc::default()
         },
-        views: vec![],
         materials: materials.into(),
         entities: entities.into(),
-        lights: vec![],
-        environment: None,
+        ..SceneDesc::default()
     };
     let (scene, _) = compile(&desc).map_err(|e| e.to_string())?;
     Ok(Arc::new(scene))

@@ -105,14 +105,10 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
             ..Settings::new(&integrator)
         }),
         scene: Arc::new(SceneDesc {
-            views: Vec::new(),
             resolution: [64, 36],
             max_depth: 5,
             camera,
-            materials: Default::default(),
-            entities: Default::default(),
-            lights: Vec::new(),
-            environment: None,
+            ..SceneDesc::default()
         }),
         stop: StopRule::Samples(64),
         reference: None,

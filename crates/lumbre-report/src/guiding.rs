@@ -80,11 +80,11 @@ fn regions(
         Some(_) => Vec3::splat(0.2),
     };
     let [width, height] = tree.resolution;
-    let picture = Image {
+    let picture = Image::from_pixels(
         width,
         height,
-        data: tree.regions.iter().map(|r| colour(r).to_array()).collect(),
-    };
+        tree.regions.iter().map(|r| colour(r).to_array()).collect(),
+    );
     let picture = png::encode(&picture, Tonemap::Srgb { exposure: 0.0 }, &[])?;
     drawing.image([x, y, w, h], &picture);
     drawing.frame([x, y, w, h], FRAME);

@@ -54,10 +54,12 @@ pub fn encode(
 /// Returns display values in 0..=1, with the transfer curve of the display applied.
 pub fn display_values(layer: &LayerImage, display: Tonemap) -> Image {
     let image = &layer.image;
-    let each = |f: &dyn Fn([f32; 3]) -> [f32; 3]| Image {
-        width: image.width,
-        height: image.height,
-        data: image.data.iter().map(|p| f(*p)).collect(),
+    let each = |f: &dyn Fn([f32; 3]) -> [f32; 3]| {
+        Image::from_pixels(
+            image.width,
+            image.height,
+            image.data.iter().map(|p| f(*p)).collect(),
+        )
     };
     match layer.film.layer.row().display {
         LayerDisplay::Radiance => display.apply(image),
@@ -93,11 +95,7 @@ mod tests {
         let film = LayerLayout::new(&[layer], 1, 1).unwrap().films()[0];
         LayerImage {
             film,
-            image: Image {
-                width: data.len() as u32,
-                height: 1,
-                data: data.to_vec(),
-            },
+            image: Image::from_pixels(data.len() as u32, 1, data.to_vec()),
         }
     }
 

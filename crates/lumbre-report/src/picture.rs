@@ -128,11 +128,7 @@ fn decode_display(
             .collect(),
     };
     Ok(Picture {
-        image: Image {
-            width,
-            height,
-            data,
-        },
+        image: Image::from_pixels(width, height, data),
         format: name,
         notes,
     })
@@ -182,11 +178,7 @@ fn decode_hdr(bytes: &[u8]) -> Result<Picture, String> {
         .map(|p| [0, 1, 2].map(|c| p.0[c] / divisor[c]))
         .collect();
     Ok(Picture {
-        image: Image {
-            width: meta.width,
-            height: meta.height,
-            data,
-        },
+        image: Image::from_pixels(meta.width, meta.height, data),
         format: "hdr",
         notes: Vec::new(),
     })
@@ -236,11 +228,7 @@ fn decode_exr(bytes: &[u8]) -> Result<Picture, String> {
         .map(|c| layers[index][*c].as_str())
         .collect();
     Ok(Picture {
-        image: Image {
-            width,
-            height,
-            data,
-        },
+        image: Image::from_pixels(width, height, data),
         format: "exr",
         notes: exr_notes(&file, index, &names),
     })

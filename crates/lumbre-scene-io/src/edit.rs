@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-pub use lights::{ENVIRONMENT_PARAMS, EnvironmentParam, LIGHT_PARAMS, LightParam};
+pub use lights::{ENVIRONMENT_PARAMS, LIGHT_PARAMS};
 
 use crate::load;
 use lumbre_light::scene::desc::material::MaterialParam;
@@ -42,222 +42,112 @@ const POINT: Ty = Ty::Nums {
     max: COORDINATE,
 };
 
-/// A setting of the scene as a whole.
+/// A setting of a scene, an entity, a light or the environment.
 #[derive(Debug)]
-pub struct SceneParam {
-    /// Complete path of the setting.
-    pub path: &'static str,
-    /// Type and range.
-    pub ty: Ty,
-    /// Meaning and unit, in a sentence.
-    pub doc: &'static str,
-    /// Stores a value that has been checked against `ty`.
-    set_checked: fn(&mut SceneDesc, &Value),
-}
-
-/// Settings of the scene itself: camera, resolution and path length.
-pub const SCENE_PARAMS: &[SceneParam] = &[
-    SceneParam {
-        path: "camera.kind",
-        ty: Ty::Word(&CAMERA_KIND_NAMES),
-        doc: "How the camera maps the scene to its picture: perspective, orthographic (parallel \
-              rays), or spherical (all directions, longitude over latitude).",
-        set_checked: |s, v| {
-            s.camera.kind = v
-                .as_str()
-                .and_then(CameraKind::from_name)
-                .unwrap_or_default();
-        },
-    },
-    SceneParam {
-        path: "camera.view_height",
-        ty: Ty::Num {
-            min: VIEW_HEIGHT_RANGE[0],
-            max: VIEW_HEIGHT_RANGE[1],
-        },
-        doc: "Height of the picture of an orthographic camera in scene units; has no effect on \
-              other kinds.",
-        set_checked: |s, v| s.camera.view_height = scalar(v),
-    },
-    SceneParam {
-        path: "camera.window",
-        ty: WINDOW,
-        doc: "Part of the view that the picture shows: left, right, upper and lower edge, in \
-              fractions of the whole from its upper left corner. A left edge beyond the right one \
-              mirrors the picture.",
-        set_checked: |s, v| {
-            s.camera.window = ViewWindow::from_array(std::array::from_fn(|i| item(v, i) as f32));
-        },
-    },
-    SceneParam {
-        path: "camera.fov",
-        ty: Ty::Num {
-            min: 0.01,
-            max: 179.0,
-        },
-        doc: "Vertical field of view of a perspective camera in degrees; has no effect if both \
-              sensor_height and focal_length are set.",
-        set_checked: |s, v| s.camera.optics = s.camera.optics.with_fov_deg(scalar(v)),
-    },
-    SceneParam {
-        path: "camera.aperture",
-        ty: Ty::Num { min: 0.0, max: 1e6 },
-        doc: "Diameter of the lens in scene units; 0 is a pinhole. Replaces the scene's f_number.",
-        set_checked: |s, v| s.camera.optics = s.camera.optics.with_aperture(scalar(v)),
-    },
-    SceneParam {
-        path: "camera.f_number",
-        ty: Ty::Num {
-            min: 1e-3,
-            max: 1e6,
-        },
-        doc: "Focal length divided by lens diameter. Replaces the scene's aperture.",
-        set_checked: |s, v| s.camera.optics = s.camera.optics.with_f_number(Some(scalar(v))),
-    },
-    SceneParam {
-        path: "camera.focal_length",
-        ty: Ty::Num {
-            min: 1e-9,
-            max: 1e6,
-        },
-        doc: "Focal length in scene units: the distance between lens and sensor.",
-        set_checked: |s, v| s.camera.optics = s.camera.optics.with_focal_length(Some(scalar(v))),
-    },
-    SceneParam {
-        path: "camera.sensor_height",
-        ty: Ty::Num {
-            min: 1e-9,
-            max: 1e6,
-        },
-        doc: "Height of the sensor in scene units.",
-        set_checked: |s, v| s.camera.optics = s.camera.optics.with_sensor_height(Some(scalar(v))),
-    },
-    SceneParam {
-        path: "camera.focus_distance",
-        ty: Ty::Num {
-            min: 1e-6,
-            max: COORDINATE,
-        },
-        doc: "Distance from the lens to the focal plane along the axis, in scene units.",
-        set_checked: |s, v| s.camera.focus_distance = Some(scalar(v)),
-    },
-    SceneParam {
-        path: "camera.position",
-        ty: POINT,
-        doc: "Centre of projection, or of the lens.",
-        set_checked: |s, v| s.camera.position = vector(v),
-    },
-    SceneParam {
-        path: "camera.target",
-        ty: POINT,
-        doc: "A point on the optical axis.",
-        set_checked: |s, v| s.camera.target = vector(v),
-    },
-    SceneParam {
-        path: "camera.up",
-        ty: POINT,
-        doc: "Direction that points up in the image.",
-        set_checked: |s, v| s.camera.up = vector(v),
-    },
-    SceneParam {
-        path: "resolution",
-        ty: Ty::Nums {
-            len: 2,
-            min: 1.0,
-            max: MAX_SIDE as f64,
-        },
-        doc: "Width and height in pixels, whole numbers.",
-        set_checked: |s, v| s.resolution = [item(v, 0) as u32, item(v, 1) as u32],
-    },
-    SceneParam {
-        path: "max_depth",
-        ty: Ty::Int {
-            min: 1,
-            max: MAX_EDGES as i64,
-        },
-        doc: "Greatest number of path edges; 1 is emission only, 2 direct light.",
-        set_checked: |s, v| s.max_depth = v.as_i64().unwrap_or(1) as u32,
-    },
-];
-
-/// A setting of one entity.
-#[derive(Debug)]
-pub struct EntityParam {
-    /// Last component of the path: `entities.NAME.<name>`.
+pub struct Param<T: 'static> {
+    /// Path of a setting of the scene, last component of the path of any other.
     pub name: &'static str,
     /// Type and range.
     pub ty: Ty,
     /// Meaning and unit, in a sentence.
     pub doc: &'static str,
-    /// Returns whether the setting applies to a shape.
-    applies: fn(&ShapeDesc) -> bool,
-    /// Stores a value that has been checked against `ty`.
-    set_checked: fn(&mut EntityDesc, &Value),
+    /// Stores a value that has been checked against `ty`, if the object has the setting.
+    set_checked: fn(&mut T, &Value),
 }
 
-/// Every setting of an entity.
-pub const ENTITY_PARAMS: &[EntityParam] = &[
-    EntityParam {
-        name: "position",
-        ty: POINT,
-        doc: "Translation of a mesh, centre of a sphere, in scene units.",
-        applies: |_| true,
-        set_checked: |e, v| e.transform.translate = vector(v),
-    },
-    EntityParam {
-        name: "rotation_deg",
-        ty: Ty::Nums {
-            len: 3,
-            min: -1e6,
-            max: 1e6,
-        },
-        doc: "Rotation of a mesh about x, y and z in degrees, z first.",
-        applies: |s| matches!(s, ShapeDesc::Mesh(_)),
-        set_checked: |e, v| {
-            e.transform.rotate_rad =
-                Vec3::from_array([0, 1, 2].map(|i| item(v, i).to_radians() as f32));
-        },
-    },
-    EntityParam {
-        name: "scale",
-        ty: Ty::Nums {
-            len: 3,
-            min: -1e6,
-            max: 1e6,
-        },
-        doc: "Scale of a mesh along x, y and z, applied after its rotation.",
-        applies: |s| matches!(s, ShapeDesc::Mesh(_)),
-        set_checked: |e, v| e.transform.scale = vector(v),
-    },
-    EntityParam {
-        name: "radius",
-        ty: Ty::Num {
-            min: 1e-9,
-            max: 1e9,
-        },
-        doc: "Radius of a sphere in scene units.",
-        applies: |s| matches!(s, ShapeDesc::Sphere { .. }),
-        set_checked: |e, v| e.shape = ShapeDesc::Sphere { radius: scalar(v) },
-    },
-    EntityParam {
-        name: "material",
-        ty: Ty::Str,
-        doc: "Name of the material of the whole entity.",
-        applies: |_| true,
-        set_checked: |e, v| e.material = v.as_str().map(str::to_owned),
-    },
-    EntityParam {
-        name: "anisotropic_direction",
-        ty: Ty::Nums {
-            len: 3,
-            min: -1e6,
-            max: 1e6,
-        },
-        doc: "Direction of anisotropy in world space; replaces the material's on this entity.",
-        applies: |_| true,
-        set_checked: |e, v| e.anisotropic_direction = Some(vector(v)),
-    },
-];
+/// Declares settings by one row each: `"NAME": TYPE, "DOC", SETTER;`.
+macro_rules! params {
+    ($(#[$meta:meta])* pub const $ROWS:ident: $T:ty;
+     $($name:literal: $ty:expr, $doc:literal, $set:expr;)*) => {
+        $(#[$meta])*
+        pub const $ROWS: &[Param<$T>] = &[$(Param {
+            name: $name,
+            ty: $ty,
+            doc: $doc,
+            set_checked: $set,
+        }),*];
+    };
+}
+use params;
+
+params! {
+    /// Settings of the scene itself: camera, resolution and path length.
+    pub const SCENE_PARAMS: SceneDesc;
+    "camera.kind": Ty::Word(&CAMERA_KIND_NAMES),
+        "How the camera maps the scene to its picture: perspective, orthographic (parallel rays), \
+         or spherical (all directions, longitude over latitude).",
+        |s, v| s.camera.kind = v.as_str().and_then(CameraKind::from_name).unwrap_or_default();
+    "camera.view_height": Ty::num(VIEW_HEIGHT_RANGE[0], VIEW_HEIGHT_RANGE[1]),
+        "Height of the picture of an orthographic camera in scene units; has no effect on other \
+         kinds.",
+        |s, v| s.camera.view_height = scalar(v);
+    "camera.window": WINDOW,
+        "Part of the view that the picture shows: left, right, upper and lower edge, in fractions \
+         of the whole from its upper left corner. A left edge beyond the right one mirrors the \
+         picture.",
+        |s, v| s.camera.window = ViewWindow::from_array(numbers(v));
+    "camera.fov": Ty::num(0.01, 179.0),
+        "Vertical field of view of a perspective camera in degrees; has no effect if both \
+         sensor_height and focal_length are set.",
+        |s, v| s.camera.optics = s.camera.optics.with_fov_deg(scalar(v));
+    "camera.aperture": Ty::num(0.0, 1e6),
+        "Diameter of the lens in scene units; 0 is a pinhole. Replaces the scene's f_number.",
+        |s, v| s.camera.optics = s.camera.optics.with_aperture(scalar(v));
+    "camera.f_number": Ty::num(1e-3, 1e6),
+        "Focal length divided by lens diameter. Replaces the scene's aperture.",
+        |s, v| s.camera.optics = s.camera.optics.with_f_number(Some(scalar(v)));
+    "camera.focal_length": Ty::num(1e-9, 1e6),
+        "Focal length in scene units: the distance between lens and sensor.",
+        |s, v| s.camera.optics = s.camera.optics.with_focal_length(Some(scalar(v)));
+    "camera.sensor_height": Ty::num(1e-9, 1e6), "Height of the sensor in scene units.",
+        |s, v| s.camera.optics = s.camera.optics.with_sensor_height(Some(scalar(v)));
+    "camera.focus_distance": Ty::num(1e-6, COORDINATE),
+        "Distance from the lens to the focal plane along the axis, in scene units.",
+        |s, v| s.camera.focus_distance = Some(scalar(v));
+    "camera.position": POINT, "Centre of projection, or of the lens.",
+        |s, v| s.camera.position = vector(v);
+    "camera.target": POINT, "A point on the optical axis.", |s, v| s.camera.target = vector(v);
+    "camera.up": POINT, "Direction that points up in the image.", |s, v| s.camera.up = vector(v);
+    "resolution": Ty::nums(2, 1.0, MAX_SIDE as f64),
+        "Width and height in pixels, whole numbers.",
+        |s, v| s.resolution = numbers(v).map(|n| n as u32);
+    "max_depth": Ty::int(1, MAX_EDGES as i64),
+        "Greatest number of path edges; 1 is emission only, 2 direct light.",
+        |s, v| s.max_depth = v.as_i64().unwrap_or(1) as u32;
+}
+
+params! {
+    /// Settings of an entity.
+    pub const ENTITY_PARAMS: EntityDesc;
+    "position": POINT, "Translation of a mesh, centre of a sphere, in scene units.",
+        |e, v| e.transform.translate = vector(v);
+    "rotation_deg": Ty::nums(3, -1e6, 1e6),
+        "Rotation of a mesh about x, y and z in degrees, z first.",
+        |e, v| {
+            let radians = [0, 1, 2].map(|i| item(v, i).to_radians() as f32);
+            e.transform.rotate_rad = Vec3::from_array(radians);
+        };
+    "scale": Ty::nums(3, -1e6, 1e6),
+        "Scale of a mesh along x, y and z, applied after its rotation.",
+        |e, v| e.transform.scale = vector(v);
+    "radius": Ty::num(1e-9, 1e9), "Radius of a sphere in scene units.",
+        |e, v| e.shape = ShapeDesc::Sphere { radius: scalar(v) };
+    "material": Ty::Str, "Name of the material of the whole entity.",
+        |e, v| e.material = v.as_str().map(str::to_owned);
+    "anisotropic_direction": Ty::nums(3, -1e6, 1e6),
+        "Direction of anisotropy in world space; replaces the material's on this entity.",
+        |e, v| e.anisotropic_direction = Some(vector(v));
+}
+
+/// Returns the names of the settings that an entity of this shape has.
+fn entity_settings(shape: &ShapeDesc) -> impl Iterator<Item = &'static str> {
+    let others: &[&str] = match shape {
+        ShapeDesc::Mesh(_) => &["radius"],
+        ShapeDesc::Sphere { .. } => &["rotation_deg", "scale"],
+    };
+    let names = ENTITY_PARAMS.iter().map(|row| row.name);
+    names.filter(|name| !others.contains(name))
+}
 
 fn item(v: &Value, i: usize) -> f64 {
     v.as_list()
@@ -270,8 +160,12 @@ fn scalar(v: &Value) -> f32 {
     v.as_f64().unwrap_or_default() as f32
 }
 
+fn numbers<const N: usize>(v: &Value) -> [f32; N] {
+    std::array::from_fn(|i| item(v, i) as f32)
+}
+
 fn vector(v: &Value) -> Vec3 {
-    Vec3::from_array([0, 1, 2].map(|i| item(v, i) as f32))
+    Vec3::from_array(numbers(v))
 }
 
 /// Sets one value by its path: one of [`SCENE_PARAMS`], `materials.NAME.PARAM`, `materials.*.PARAM`
@@ -283,7 +177,7 @@ fn vector(v: &Value) -> Vec3 {
 /// Fails if the path names nothing in the scene (the error suggests the nearest name), if the value
 /// has the wrong type or is out of range, or if a texture cannot be read.
 pub fn set(desc: &mut SceneDesc, path: &str, value: &Value) -> Result<(), SchemaError> {
-    if let Some(row) = SCENE_PARAMS.iter().find(|row| row.path == path) {
+    if let Some(row) = SCENE_PARAMS.iter().find(|row| row.name == path) {
         let key = path.rsplit('.').next().unwrap_or(path);
         row.ty.check(path, key, value)?;
         if path == "resolution"
@@ -291,7 +185,7 @@ pub fn set(desc: &mut SceneDesc, path: &str, value: &Value) -> Result<(), Schema
                 .as_list()
                 .is_some_and(|l| l.iter().any(|n| n.as_i64().is_none()))
         {
-            return Err(problem(
+            return Err(SchemaError::new(
                 path,
                 key,
                 format!("expected whole numbers of pixels, found {value}"),
@@ -310,7 +204,7 @@ pub fn set(desc: &mut SceneDesc, path: &str, value: &Value) -> Result<(), Schema
         "camera" => {
             let known = SCENE_PARAMS
                 .iter()
-                .filter_map(|row| row.path.strip_prefix("camera."));
+                .filter_map(|row| row.name.strip_prefix("camera."));
             Err(unknown_key(path, rest, known))
         }
         _ => Err(unknown_name(path, head, "setting", heads())),
@@ -326,7 +220,7 @@ fn set_view(desc: &mut SceneDesc, path: &str, value: &Value) -> Result<(), Schem
             desc.camera = camera.clone();
             Ok(())
         }
-        None if desc.views.is_empty() => Err(problem(
+        None if desc.views.is_empty() => Err(SchemaError::new(
             path,
             name,
             format!("the scene has no views, so there is no view `{name}`"),
@@ -354,9 +248,7 @@ pub fn apply(desc: &mut SceneDesc, changes: &BTreeMap<String, Value>) -> Result<
     let optics = desc.camera.optics;
     let changed = |key: &str| changes.contains_key(&format!("camera.{key}"));
     let fail = |key: &str, text: &str, help: &str| {
-        let mut e = problem(&format!("camera.{key}"), key, text.to_owned());
-        e.help = Some(help.to_owned());
-        Err(e)
+        Err(SchemaError::new(format!("camera.{key}"), key, text).with_help(help))
     };
     if changed("aperture") && changed("f_number") {
         return fail(
@@ -392,21 +284,11 @@ pub fn apply(desc: &mut SceneDesc, changes: &BTreeMap<String, Value>) -> Result<
 fn heads() -> Vec<&'static str> {
     let mut heads: Vec<&str> = SCENE_PARAMS
         .iter()
-        .map(|row| row.path.split('.').next().unwrap_or(row.path))
+        .map(|row| row.name.split('.').next().unwrap_or(row.name))
         .collect();
     heads.dedup();
     heads.extend(["materials", "entities", "lights", "environment"]);
     heads
-}
-
-/// Creates an error about the value at `path`.
-fn problem(path: &str, key: &str, problem: String) -> SchemaError {
-    SchemaError {
-        path: path.to_owned(),
-        problem,
-        help: None,
-        key: key.to_owned(),
-    }
 }
 
 /// Splits `NAME.PARAM` at the last dot.
@@ -417,8 +299,25 @@ fn name_and_param<'a>(
 ) -> Result<(&'a str, &'a str), SchemaError> {
     rest.rsplit_once('.').ok_or_else(|| {
         let key = path.rsplit('.').next().unwrap_or(path);
-        problem(path, key, format!("expected `{what}.NAME.PARAMETER`"))
+        SchemaError::new(path, key, format!("expected `{what}.NAME.PARAMETER`"))
     })
+}
+
+/// Creates the error for a parameter that other objects of the same kind have.
+fn has_no(
+    path: &str,
+    name: &str,
+    what: &str,
+    param: &str,
+    known: impl Iterator<Item = &'static str>,
+) -> SchemaError {
+    let known = known.collect::<Vec<_>>().join(", ");
+    SchemaError::new(
+        path,
+        param,
+        format!("`{name}` is {what}, which has no `{param}`"),
+    )
+    .with_help(format!("known: {known}"))
 }
 
 /// Returns the names of all parameters and texture slots of a material.
@@ -450,7 +349,7 @@ fn set_material(
                 // Notes about a texture's file are reported where a scene names it, not here.
                 let read = load::texture(Path::new(file), &mut Vec::new());
                 Some(Arc::new(
-                    read.map_err(|e| problem(path, param, e.to_string()))?,
+                    read.map_err(|e| SchemaError::new(path, param, e.to_string()))?,
                 ))
             };
             indices
@@ -520,28 +419,16 @@ fn set_entity(
         ));
     };
     let shape = &desc.entities[i].shape;
-    let known = || {
-        ENTITY_PARAMS
-            .iter()
-            .filter(|row| (row.applies)(shape))
-            .map(|row| row.name)
-    };
+    let known = || entity_settings(shape);
     let Some(row) = ENTITY_PARAMS.iter().find(|row| row.name == param) else {
         return Err(unknown_name(path, param, "entity parameter", known()));
     };
-    if !(row.applies)(shape) {
-        let what = if matches!(shape, ShapeDesc::Mesh(_)) {
-            "a mesh"
-        } else {
-            "a sphere"
+    if !known().any(|name| name == param) {
+        let what = match shape {
+            ShapeDesc::Mesh(_) => "a mesh",
+            ShapeDesc::Sphere { .. } => "a sphere",
         };
-        let mut e = problem(
-            path,
-            param,
-            format!("`{name}` is {what}, which has no `{param}`"),
-        );
-        e.help = Some(format!("known: {}", known().collect::<Vec<_>>().join(", ")));
-        return Err(e);
+        return Err(has_no(path, name, what, param, known()));
     }
     row.ty.check(path, param, value)?;
     if row.name == "material"
@@ -561,15 +448,15 @@ fn set_entity(
 
 /// Returns every path that [`set`] accepts for this scene.
 pub fn paths(desc: &SceneDesc) -> Vec<String> {
-    let mut paths: Vec<String> = SCENE_PARAMS.iter().map(|row| row.path.to_owned()).collect();
+    let mut paths: Vec<String> = SCENE_PARAMS.iter().map(|row| row.name.to_owned()).collect();
     let materials =
         std::iter::once(ALL_MATERIALS).chain(desc.materials.iter().map(|m| m.name.as_str()));
     paths.extend(
         materials.flat_map(|m| material_params().map(move |name| format!("materials.{m}.{name}"))),
     );
     for e in &desc.entities {
-        let rows = ENTITY_PARAMS.iter().filter(|row| (row.applies)(&e.shape));
-        paths.extend(rows.map(|row| format!("entities.{}.{}", e.name, row.name)));
+        let names = entity_settings(&e.shape);
+        paths.extend(names.map(|param| format!("entities.{}.{param}", e.name)));
     }
     paths.extend(lights::paths(desc));
     paths

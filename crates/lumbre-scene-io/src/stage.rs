@@ -143,11 +143,11 @@ fn add_square(scene: &mut SceneDesc, mut material: MaterialDesc, side: f32, fram
     };
     let mesh = square.into_mesh(std::path::PathBuf::new(), &material.name);
     scene.entities.push(EntityDesc {
-        name: material.name.clone(),
         transform: Transform::framed(frame),
-        material: None,
-        anisotropic_direction: None,
-        shape: ShapeDesc::Mesh(std::sync::Arc::new(mesh)),
+        ..EntityDesc::new(
+            material.name.clone(),
+            ShapeDesc::Mesh(std::sync::Arc::new(mesh)),
+        )
     });
     scene.materials.push(material);
 }

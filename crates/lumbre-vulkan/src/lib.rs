@@ -38,58 +38,45 @@ use pipelines::program::TracingMode;
 use pipelines::sources::Sources;
 use renderer::VulkanRenderer;
 
+/// Declares the table row of the backend of a tracing mode; `accel` is whether it traverses a BVH
+/// built on the CPU.
+macro_rules! row {
+    ($mode:ident, $name:literal, accel: $accel:literal, $doc:literal) => {
+        BackendRow {
+            name: $name,
+            doc: $doc,
+            probe: || probe(TracingMode::$mode),
+            layers: true,
+            times: true,
+            blends: false,
+            light_trees: false,
+            uniform_directions: false,
+            models: memory::upload::MODELS,
+            refuses,
+            shaders,
+            accel: $accel,
+            open: |scene, job| open(TracingMode::$mode, &scene, job),
+            paths: |scene, job, samples| paths(TracingMode::$mode, scene, job, samples),
+        }
+    };
+}
+
 /// Table row of the backend with ray-tracing pipelines.
-pub const PIPELINE: BackendRow = BackendRow {
-    name: "vulkan",
-    doc: "GPU with hardware ray tracing, by ray-tracing pipelines.",
-    probe: || probe(TracingMode::Pipeline),
-    layers: true,
-    times: true,
-    blends: false,
-    light_trees: false,
-    uniform_directions: false,
-    models: memory::upload::MODELS,
-    refuses,
-    shaders,
-    accel: false,
-    open: |scene, job| open(TracingMode::Pipeline, &scene, job),
-    paths: |scene, job, samples| paths(TracingMode::Pipeline, scene, job, samples),
+pub const PIPELINE: BackendRow = row! {
+    Pipeline, "vulkan", accel: false,
+    "GPU with hardware ray tracing, by ray-tracing pipelines."
 };
 
 /// Table row of the backend with ray queries.
-pub const QUERY: BackendRow = BackendRow {
-    name: "vulkan-query",
-    doc: "GPU with hardware ray tracing, by ray queries in a compute shader.",
-    probe: || probe(TracingMode::Query),
-    layers: true,
-    times: true,
-    blends: false,
-    light_trees: false,
-    uniform_directions: false,
-    models: memory::upload::MODELS,
-    refuses,
-    shaders,
-    accel: false,
-    open: |scene, job| open(TracingMode::Query, &scene, job),
-    paths: |scene, job, samples| paths(TracingMode::Query, scene, job, samples),
+pub const QUERY: BackendRow = row! {
+    Query, "vulkan-query", accel: false,
+    "GPU with hardware ray tracing, by ray queries in a compute shader."
 };
 
 /// Table row of the backend with its own BVH.
-pub const COMPUTE: BackendRow = BackendRow {
-    name: "vulkan-compute",
-    doc: "Any GPU: a compute shader that traverses a BVH built on the CPU.",
-    probe: || probe(TracingMode::Compute),
-    layers: true,
-    times: true,
-    blends: false,
-    light_trees: false,
-    uniform_directions: false,
-    models: memory::upload::MODELS,
-    refuses,
-    shaders,
-    accel: true,
-    open: |scene, job| open(TracingMode::Compute, &scene, job),
-    paths: |scene, job, samples| paths(TracingMode::Compute, scene, job, samples),
+pub const COMPUTE: BackendRow = row! {
+    Compute, "vulkan-compute", accel: true,
+    "Any GPU: a compute shader that traverses a BVH built on the CPU."
 };
 
 fn refuses(integrator: &IntegratorRow, shaders: &Shaders) -> Option<String> {

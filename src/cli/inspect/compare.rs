@@ -482,14 +482,7 @@ impl MapFormat {
             MapFormat::Png => png::encode_map(map, scale, meta),
             MapFormat::Exr => {
                 let data = map.values.iter().map(|v| [*v; 3]).collect();
-                exr::encode(
-                    &Image {
-                        width: map.width,
-                        height: map.height,
-                        data,
-                    },
-                    meta,
-                )
+                exr::encode(&Image::from_pixels(map.width, map.height, data), meta)
             }
         };
         encoded.map_err(Failure::internal)

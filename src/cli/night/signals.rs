@@ -84,7 +84,7 @@ fn handle(control: Arc<NightControls>) -> std::io::Result<StopSignal> {
                 if before.is_none() {
                     tracing::info!("the terminal was closed; the night continues");
                 }
-                control.request_checkpoint();
+                control.checkpoint.set(true);
                 continue;
             }
             if signal == SIGQUIT || signal == SIGABRT {

@@ -2,7 +2,6 @@
 //! are compared as a whole: in blocks, a few rare splats next to noise-free areas would not follow
 //! a normal distribution.
 
-use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -294,7 +293,6 @@ fn scene(
     entities: Vec<EntityDesc>,
 ) -> SceneDesc {
     SceneDesc {
-        views: Vec::new(),
         resolution: [1, 1],
         max_depth: 1,
         camera: CameraDesc {
@@ -305,8 +303,7 @@ fn scene(
         },
         materials: materials.into(),
         entities: entities.into(),
-        lights: Vec::new(),
-        environment: None,
+        ..SceneDesc::default()
     }
 }
 
@@ -350,19 +347,13 @@ fn room(half: f32) -> EntityDesc {
 
 fn mesh(material: &str, quads: &[[Vec3; 4]]) -> EntityDesc {
     let mut mesh = MeshDesc {
-        file: PathBuf::new(),
         positions: quads.concat(),
-        normals: Vec::new(),
-        uvs: Vec::new(),
-        colors: Vec::new(),
-        second_uvs: Vec::new(),
-        tangents: Vec::new(),
         triangles: (0..quads.len() as u32)
             .flat_map(|q| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|i| 4 * q + i)))
             .collect(),
         slots: vec![material.to_owned()],
         triangle_slot: vec![0; 2 * quads.len()],
-        content_hash: [0; 32],
+        ..MeshDesc::default()
     };
     mesh.content_hash = mesh_hash(&mesh);
     entity(material, Vec3::ZERO, ShapeDesc::Mesh(Arc::new(mesh)))

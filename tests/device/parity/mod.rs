@@ -218,9 +218,7 @@ fn room_of(job: &Job, rows: usize) -> SubpathRoom {
 
 #[test]
 fn every_twin_computes_the_values_of_its_original() {
-    let Some(device) = kernel_device() else {
-        return;
-    };
+    let device = or_return!(kernel_device());
     let mut failed = Vec::new();
     for &twin in TWINS {
         let (scene, job) = (twin.scene)();
@@ -293,9 +291,7 @@ fn every_shader_of_the_folder_has_a_row_and_every_row_a_reason() {
 
 #[test]
 fn a_wrong_twin_is_detected() {
-    let Some(device) = kernel_device() else {
-        return;
-    };
+    let device = or_return!(kernel_device());
     let (scene, job) = (ECHO.scene)();
     let room = room_of(&job, 100);
     let buffers = (

@@ -1,72 +1,19 @@
 //! Checkpoints: the clock of a run that resumes in the middle of a wave, and when they are written.
 
-use std::cell::RefCell;
 use std::io::{self, Write};
 use std::sync::Arc;
 use std::time::Duration;
 
-use lumbre_light::film::{Film, Image};
-use lumbre_night::experiment::event::{FinishedRun, History, SaveState};
-use lumbre_night::experiment::run::{Open, Options, Seams, run_with};
-use lumbre_night::experiment::run_progress::{Checkpoint, RunProgress};
-use lumbre_night::experiment::shards::WorkUnit;
-use lumbre_night::experiment::{
-    CellRef, NightControls, NightSummary, Outcome, Plan, SinkError, StopRule, WaveRow,
-};
+use lumbre_light::film::Film;
+use lumbre_night::experiment::run::Open;
+use lumbre_night::experiment::{NightSummary, Outcome, StopRule, WaveRow};
 use lumbre_render::mock::{MockRenderer, SECONDS_PER_PATH};
 use lumbre_render::{Advance, OpenStats, RenderError, Renderer, WaveStats};
 
-use crate::experiment::fixtures::{Lab, outcomes};
+use crate::experiment::fixtures::{Lab, Memory, Night, outcomes};
 
 /// Render time of a sample of [`Lab::new`] in seconds: that of 8x4 paths.
 const SAMPLE_S: f64 = 32.0 * SECONDS_PER_PATH;
-
-/// The checkpoints of one run, in the order in which they were written.
-#[derive(Default)]
-struct Checkpoints {
-    written: RefCell<Vec<Checkpoint>>,
-    /// Time that writing one takes.
-    delay: Duration,
-}
-
-impl Checkpoints {
-    /// Returns the render time of each checkpoint in seconds.
-    fn clocks(&self) -> Vec<f64> {
-        let written = self.written.borrow();
-        written.iter().map(|c| c.progress.render_s()).collect()
-    }
-}
-
-impl History for Checkpoints {
-    fn finished_run(&self, _: &Plan, _: CellRef) -> Option<FinishedRun> {
-        None
-    }
-
-    fn image(&self, _: &Plan, _: usize) -> Result<Option<Image>, SinkError> {
-        Ok(None)
-    }
-
-    fn checkpoint(&self, _: &Plan, _: WorkUnit) -> Option<Checkpoint> {
-        self.written.borrow().last().cloned()
-    }
-
-    fn save_checkpoint(
-        &self,
-        _: &Plan,
-        _: WorkUnit,
-        progress: &RunProgress,
-        save: SaveState<'_>,
-    ) -> Result<bool, SinkError> {
-        std::thread::sleep(self.delay);
-        let mut state = Vec::new();
-        let saved = save(&mut state).map_err(|e: io::Error| SinkError(e.to_string()))?;
-        self.written.borrow_mut().push(Checkpoint {
-            progress: progress.clone(),
-            state,
-        });
-        Ok(saved)
-    }
-}
 
 /// A mock renderer of which each sample takes `sample_s` seconds of render time.
 struct SlowRenderer {
@@ -95,20 +42,8 @@ impl Renderer for SlowRenderer {
     }
 }
 
-fn night(lab: &Lab, history: &Checkpoints, open: Open<'_>) -> NightSummary {
-    let seams = Seams { open, wait: &|| {} };
-    let control = NightControls::default();
-    let plan = Arc::new(lab.plan());
-    run_with(
-        &seams,
-        &plan,
-        lab,
-        history,
-        &mut [],
-        &control,
-        Options::from(1),
-    )
-    .unwrap()
+fn render(night: &Night<'_>, lab: &Lab) -> NightSummary {
+    night.render(lab, &Arc::new(lab.plan()), &mut []).unwrap()
 }
 
 #[test]
@@ -118,19 +53,22 @@ fn a_run_that_ends_in_mid_wave_resumes_with_the_clock_of_its_checkpoint() {
     lab.spec.night.checkpoint_s = Some(2.5 * SAMPLE_S);
     let mut resumed_mid_wave = 0;
     for limit in 0..16 {
-        let history = Checkpoints::default();
-        let failed = night(&lab, &history, &|_, scene, job| {
-            Ok(Box::new(MockRenderer::new(scene, job).failing_after(limit)))
-        });
+        let failing: Open<'_> =
+            &|_, scene, job| Ok(Box::new(MockRenderer::new(scene, job).failing_after(limit)));
+        let mut night = Night {
+            history: Memory::with_checkpoints(),
+            ..Night::default()
+        };
+        let whole = std::mem::replace(&mut night.open, failing);
+        let failed = render(&night, &lab);
         assert!(matches!(outcomes(&failed)[0], Outcome::Failed(_)));
-        if let Some(last) = history.written.borrow().last() {
+        if let Some(last) = night.history.checkpoints.borrow().values().flatten().last() {
             let (samples, clock) = (last.progress.samples(), last.progress.render_s());
             assert!((clock / (samples as f64 * SAMPLE_S) - 1.0).abs() < 1e-9);
             resumed_mid_wave += u32::from(last.progress.samples_left > 0);
         }
-        let whole = night(&lab, &history, &|_, scene, job| {
-            Ok(Box::new(MockRenderer::new(scene, job)))
-        });
+        night.open = whole;
+        let whole = render(&night, &lab);
         let rows: &[WaveRow] = &whole.night.runs[0].rows;
         let samples: Vec<u64> = rows.iter().map(|row| row.samples).collect();
         assert_eq!(samples, [1, 3, 7, 15, 16], "failed after {limit}");
@@ -158,18 +96,24 @@ fn checkpoint_clocks(
     let mut lab = Lab::new();
     lab.spec.night.checkpoint_s = interval_s;
     lab.stop = Box::new(move |_| Ok(StopRule::Samples(samples)));
-    let history = Checkpoints {
-        delay,
-        ..Checkpoints::default()
+    let night = Night {
+        history: Memory {
+            delay,
+            ..Memory::with_checkpoints()
+        },
+        open: &|_, scene, job| {
+            Ok(Box::new(SlowRenderer {
+                mock: MockRenderer::new(scene, job),
+                sample_s,
+            }))
+        },
+        ..Night::default()
     };
-    let night = night(&lab, &history, &|_, scene, job| {
-        Ok(Box::new(SlowRenderer {
-            mock: MockRenderer::new(scene, job),
-            sample_s,
-        }))
-    });
-    assert!(matches!(outcomes(&night)[0], Outcome::Done(_)));
-    history.clocks()
+    let summary = render(&night, &lab);
+    assert!(matches!(outcomes(&summary)[0], Outcome::Done(_)));
+    let checkpoints = night.history.checkpoints.borrow();
+    let written = checkpoints.values().flatten();
+    written.map(|c| c.progress.render_s()).collect()
 }
 
 /// The run takes minutes of render time, but only milliseconds of wall-clock time.

@@ -324,7 +324,7 @@ fn a_failure_affects_one_run_of_a_group_and_a_skip_affects_its_first_run() {
                 }
             ) && !std::mem::replace(&mut self.1, true)
             {
-                self.0.request_skip();
+                self.0.skip.set(true);
             }
             Ok(())
         }

@@ -1,25 +1,26 @@
 //! A small experiment without a script: its hooks are closures, each of which a test can replace.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 
 use glam::Vec3;
 use lumbre_light::film::{Film, Image};
-use lumbre_light::scene::desc::{
-    CameraDesc, EntityDesc, MaterialDesc, Optics, ShapeDesc, Transform,
-};
+use lumbre_light::scene::desc::{CameraDesc, EntityDesc, MaterialDesc, Optics, ShapeDesc};
 use lumbre_light::scene::{Note, SceneDesc, SceneError};
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
-use lumbre_night::experiment::event::{FinishedRun, History};
+use lumbre_night::experiment::event::{FinishedRun, History, SaveState};
 use lumbre_night::experiment::hook_error::HookError;
 use lumbre_night::experiment::noise_floor::HalfImages;
 use lumbre_night::experiment::outcome::Level;
 use lumbre_night::experiment::plan::{LoadedScene, expand};
 use lumbre_night::experiment::run::{Open, Seams, run_with};
+use lumbre_night::experiment::run_progress::{Checkpoint, Claim, RunProgress};
+use lumbre_night::experiment::shards::WorkUnit;
 use lumbre_night::experiment::spec::{Axis, MeasureSpec, ReferenceRequest, Snapshots};
 use lumbre_night::experiment::{
     CellRef, Event, ExperimentSpec, NightControls, NightSummary, Outcome, Overrides, Plan,
@@ -192,7 +193,6 @@ pub fn load_scene(file: &Path) -> LoadedScene {
     let mut egg = MaterialDesc::new("egg");
     egg.roughness = file.to_string_lossy().len() as f32 / 100.0;
     let scene = SceneDesc {
-        views: Vec::new(),
         resolution: [32, 16],
         max_depth: 7,
         camera: CameraDesc {
@@ -205,21 +205,13 @@ pub fn load_scene(file: &Path) -> LoadedScene {
         },
         materials: vec![egg].into(),
         entities: vec![EntityDesc {
-            name: "ball".into(),
-            transform: Transform::default(),
             material: Some("egg".into()),
-            anisotropic_direction: None,
-            shape: ShapeDesc::Sphere { radius: 1.0 },
+            ..EntityDesc::new("ball", ShapeDesc::Sphere { radius: 1.0 })
         }]
         .into(),
-        lights: vec![],
-        environment: None,
+        ..SceneDesc::default()
     };
-    let note = Note {
-        file: file.to_owned(),
-        place: "fog".into(),
-        message: "left out".into(),
-    };
+    let note = Note::new(file, "fog", "left out");
     Ok((scene, vec![note]))
 }
 
@@ -377,18 +369,49 @@ pub fn all_done(summary: &NightSummary) -> bool {
     counts.done == counts.total()
 }
 
-/// Results of earlier nights, in memory.
+/// Results of earlier nights and of other processes, in memory.
 #[derive(Default)]
 pub struct Memory {
-    pub done: BTreeMap<RunId, FinishedRun>,
+    pub done: RefCell<BTreeMap<RunId, FinishedRun>>,
     pub images: BTreeMap<RunId, Result<Image, String>>,
     pub halves: BTreeMap<RunId, Result<HalfImages, String>>,
     pub noise: BTreeMap<RunId, Image>,
+    /// Number of further claims of cell 0 that find it held by another process, which has finished
+    /// it after the last one.
+    pub held: Cell<u32>,
+    /// Whether checkpoints are kept.
+    pub has_checkpoints: bool,
+    /// Checkpoints of each run, oldest first.
+    pub checkpoints: RefCell<BTreeMap<RunId, Vec<Checkpoint>>>,
+    /// Whether writing checkpoints fails.
+    pub full: Cell<bool>,
+    /// Time that writing a checkpoint takes.
+    pub delay: Duration,
+}
+
+impl Memory {
+    /// Returns an empty memory that keeps checkpoints.
+    pub fn with_checkpoints() -> Memory {
+        Memory {
+            has_checkpoints: true,
+            ..Memory::default()
+        }
+    }
+}
+
+/// Returns a run that was finished in this folder, without rows.
+pub fn finished_in(folder: &str) -> FinishedRun {
+    FinishedRun {
+        folder: folder.into(),
+        rows: Vec::new(),
+        floors: Default::default(),
+        open: Default::default(),
+    }
 }
 
 impl History for Memory {
     fn finished_run(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun> {
-        self.done.get(plan.id(cell)).cloned()
+        self.done.borrow().get(plan.id(cell)).cloned()
     }
 
     fn image(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
@@ -397,15 +420,54 @@ impl History for Memory {
     }
 
     fn noise(&self, plan: &Plan, reference: usize) -> Result<Option<Image>, SinkError> {
-        Ok(self
-            .noise
-            .get(plan.id(CellRef::Reference(reference)))
-            .cloned())
+        let noise = self.noise.get(plan.id(CellRef::Reference(reference)));
+        Ok(noise.cloned())
     }
 
     fn halves(&self, plan: &Plan, reference: usize) -> Result<Option<HalfImages>, SinkError> {
         let halves = self.halves.get(plan.id(CellRef::Reference(reference)));
         halves.cloned().transpose().map_err(SinkError)
+    }
+
+    fn claim(&self, plan: &Plan, unit: WorkUnit) -> Result<Claim, SinkError> {
+        let cell = unit.cell();
+        if cell != CellRef::Cell(0) || self.held.get() == 0 {
+            return Ok(Claim::Granted);
+        }
+        self.held.set(self.held.get() - 1);
+        if self.held.get() == 0 {
+            let id = plan.id(cell).clone();
+            self.done.borrow_mut().insert(id, finished_in("theirs"));
+        }
+        Ok(Claim::HeldBy("process 7".to_owned()))
+    }
+
+    fn checkpoint(&self, plan: &Plan, unit: WorkUnit) -> Option<Checkpoint> {
+        let checkpoints = self.checkpoints.borrow();
+        checkpoints.get(plan.id(unit.cell()))?.last().cloned()
+    }
+
+    fn save_checkpoint(
+        &self,
+        plan: &Plan,
+        unit: WorkUnit,
+        progress: &RunProgress,
+        save: SaveState<'_>,
+    ) -> Result<bool, SinkError> {
+        if !self.has_checkpoints {
+            return Ok(false);
+        }
+        if self.full.get() {
+            return Err(SinkError("no space".to_owned()));
+        }
+        std::thread::sleep(self.delay);
+        let mut state = Vec::new();
+        let saved = save(&mut state).map_err(|e| SinkError(e.to_string()))?;
+        let progress = progress.clone();
+        let mut checkpoints = self.checkpoints.borrow_mut();
+        let own = checkpoints.entry(plan.id(unit.cell()).clone());
+        own.or_default().push(Checkpoint { progress, state });
+        Ok(saved)
     }
 }
 

@@ -105,7 +105,7 @@ fn a_skip_interrupts_one_cell_with_a_warning() {
         &depths([1, 2, 3]),
         &Night::default(),
         "wave c1 3",
-        NightControls::request_skip,
+        |control| control.skip.set(true),
     );
     let done: Vec<bool> = outcomes(&summary)
         .iter()
@@ -127,7 +127,7 @@ fn a_skip_after_the_end_of_a_cell_does_not_affect_the_next_cell() {
         &depths([1, 2, 3]),
         &Night::default(),
         "done c0",
-        NightControls::request_skip,
+        |control| control.skip.set(true),
     );
     assert!(all_done(&summary));
 }
@@ -138,7 +138,7 @@ fn cells_of_a_skipped_reference_fail() {
         &depths([1, 2, 3]).measured(),
         &Night::default(),
         "wave r0 15",
-        NightControls::request_skip,
+        |control| control.skip.set(true),
     );
     assert_eq!(*outcomes(&summary)[0], Outcome::Interrupted);
     assert_eq!(
@@ -156,11 +156,11 @@ fn a_pause_changes_neither_events_nor_render_times() {
     let wait = || {
         waits.set(waits.get() + 1);
         if waits.get() == 5 {
-            control.toggle_pause();
+            control.paused.toggle();
         }
     };
     let act = || {
-        control.toggle_pause();
+        control.paused.toggle();
     };
     let (mut listener, mut recorder) = (
         ActAt {
@@ -204,7 +204,7 @@ fn a_pause_changes_neither_events_nor_render_times() {
 #[test]
 fn a_paused_night_obeys_a_stop() {
     let pause_and_stop = |control: &NightControls| {
-        control.toggle_pause();
+        control.paused.toggle();
         control.request_stop();
     };
     let (summary, _) = disturbed(
@@ -224,7 +224,7 @@ fn a_restart_renders_the_cell_from_its_first_sample() {
     let requested = Cell::new(false);
     let act = || {
         if !requested.replace(true) {
-            night.control.request_restart();
+            night.control.restart.set(true);
         }
     };
     let (mut listener, mut recorder) = (
@@ -273,7 +273,7 @@ fn a_restart_after_the_end_of_a_cell_does_not_affect_the_next_cell() {
         &depths([1, 2, 3]),
         &Night::default(),
         "done c0",
-        NightControls::request_restart,
+        |control| control.restart.set(true),
     );
     assert_eq!(
         recorder.labels.iter().filter(|w| *w == "start c1").count(),
@@ -284,7 +284,7 @@ fn a_restart_after_the_end_of_a_cell_does_not_affect_the_next_cell() {
 #[test]
 fn a_night_can_end_after_the_current_cell() {
     let after_cell = |control: &NightControls| {
-        control.toggle_stop_after_cell();
+        control.after_cell.toggle();
     };
     let (summary, recorder) = disturbed(
         &depths([1, 2, 3]),
@@ -307,8 +307,8 @@ fn a_night_can_end_after_the_current_cell() {
     );
     assert!(!summary.interrupted, "there was no further cell");
     let twice = |control: &NightControls| {
-        control.toggle_stop_after_cell();
-        control.toggle_stop_after_cell();
+        control.after_cell.toggle();
+        control.after_cell.toggle();
     };
     let (summary, _) = disturbed(&depths([1, 2, 3]), &Night::default(), "wave c1 3", twice);
     assert_eq!(
@@ -327,9 +327,9 @@ fn a_pause_limit_pauses_the_night_once_at_the_first_measurement_after_it() {
     let waits = Cell::new(0);
     let wait = || {
         waits.set(waits.get() + 1);
-        assert!(control.paused() && control.pause_at().is_none());
+        assert!(control.paused.get() && control.pause_at().is_none());
         std::thread::sleep(PAUSE);
-        control.set_paused(false);
+        control.paused.set(false);
     };
     let mut recorder = Recorder::default();
     let seams = Seams {

@@ -2,62 +2,19 @@
 //! choice open.
 
 use std::cell::{Cell, RefCell};
-use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 
-use lumbre_light::film::{Film, Image};
-use lumbre_night::experiment::event::{FinishedRun, History, SaveState};
+use lumbre_light::film::Film;
 use lumbre_night::experiment::outcome::Level;
-use lumbre_night::experiment::run::{Options, Seams, run_with};
-use lumbre_night::experiment::run_progress::{Checkpoint, RunProgress};
-use lumbre_night::experiment::shards::WorkUnit;
-use lumbre_night::experiment::{
-    CellRef, NightControls, NightSummary, Outcome, Plan, RunId, Sink, SinkError,
-};
+use lumbre_night::experiment::run::Open;
+use lumbre_night::experiment::{CellRef, NightSummary, Outcome};
 use lumbre_render::mock::MockRenderer;
 use lumbre_render::{Advance, OpenStats, RenderError, Renderer, WaveStats};
 
-use crate::experiment::fixtures::{Lab, Recorder, config, outcomes};
-
-/// Checkpoints in memory.
-#[derive(Default)]
-struct CheckpointStore(RefCell<BTreeMap<RunId, Checkpoint>>);
-
-impl History for CheckpointStore {
-    fn finished_run(&self, _: &Plan, _: CellRef) -> Option<FinishedRun> {
-        None
-    }
-
-    fn image(&self, _: &Plan, _: usize) -> Result<Option<Image>, SinkError> {
-        Ok(None)
-    }
-
-    fn checkpoint(&self, plan: &Plan, unit: WorkUnit) -> Option<Checkpoint> {
-        self.0.borrow().get(plan.id(unit.cell())).cloned()
-    }
-
-    fn save_checkpoint(
-        &self,
-        plan: &Plan,
-        unit: WorkUnit,
-        progress: &RunProgress,
-        save: SaveState<'_>,
-    ) -> Result<bool, SinkError> {
-        let mut state = Vec::new();
-        let saved = save(&mut state).map_err(|e: io::Error| SinkError(e.to_string()))?;
-        self.0.borrow_mut().insert(
-            plan.id(unit.cell()).clone(),
-            Checkpoint {
-                progress: progress.clone(),
-                state,
-            },
-        );
-        Ok(saved)
-    }
-}
+use crate::experiment::fixtures::{Lab, Memory, Night, Recorder, config, outcomes};
 
 /// A mock renderer on a device that is lost after `left` waves; after the loss, every call fails.
 struct LossyRenderer {
@@ -127,23 +84,14 @@ fn night(lab: &Lab, losses: &[i64]) -> (NightSummary, Recorder) {
     run_night(lab, &open)
 }
 
-fn run_night(lab: &Lab, open: lumbre_night::experiment::run::Open<'_>) -> (NightSummary, Recorder) {
-    let mut recorder = Recorder::default();
-    let seams = Seams { open, wait: &|| {} };
-    let plan = Arc::new(lab.plan());
-    let sinks: &mut [&mut dyn Sink] = &mut [&mut recorder];
-    let (store, control) = (CheckpointStore::default(), NightControls::default());
-    let summary = run_with(
-        &seams,
-        &plan,
-        lab,
-        &store,
-        sinks,
-        &control,
-        Options::from(1),
-    )
-    .unwrap();
-    (summary, recorder)
+fn run_night(lab: &Lab, open: Open<'_>) -> (NightSummary, Recorder) {
+    Night {
+        open,
+        wait: &|| {},
+        history: Memory::with_checkpoints(),
+        ..Night::default()
+    }
+    .record(lab)
 }
 
 const CELL: CellRef = CellRef::Cell(0);

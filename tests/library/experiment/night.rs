@@ -5,16 +5,16 @@ use std::sync::Arc;
 
 use lumbre_light::film::{Film, Image};
 use lumbre_light::value::Value;
-use lumbre_night::experiment::event::{FinishedRun, History};
+use lumbre_night::experiment::event::FinishedRun;
 use lumbre_night::experiment::outcome::Level;
 use lumbre_night::experiment::spec::{ReferenceRequest, Snapshots};
 use lumbre_night::experiment::stop::Comparison;
-use lumbre_night::experiment::{CellRef, EndCause, Event, Outcome, Plan, StopRule, WaveRow, run};
+use lumbre_night::experiment::{CellRef, EndCause, Event, Outcome, StopRule, WaveRow, run};
 use lumbre_render::mock::{MockRenderer, SECONDS_PER_PATH};
 use lumbre_render::{Advance, OpenStats, Picture, RenderError, Renderer, WaveStats};
 
 use crate::experiment::fixtures::{
-    Lab, Memory, Night, Recorder, all_done, config, depths, ints, outcomes, whole_at,
+    Lab, Memory, Night, Recorder, all_done, config, depths, finished_in, ints, outcomes, whole_at,
 };
 
 const CELL: CellRef = CellRef::Cell(0);
@@ -287,7 +287,11 @@ fn finished_cells_and_references_are_not_rendered_again() {
             floors: Default::default(),
             open: Default::default(),
         };
-        night.history.done.insert(plan.id(cell).clone(), run);
+        night
+            .history
+            .done
+            .borrow_mut()
+            .insert(plan.id(cell).clone(), run);
     }
     for i in 0..2 {
         night
@@ -320,15 +324,11 @@ fn missing_cells_are_measured_against_the_stored_reference() {
     let plan = lab.plan();
     let mut night = Night::default();
     let id = plan.references[0].id.clone();
-    night.history.done.insert(
-        id.clone(),
-        FinishedRun {
-            folder: "refs".into(),
-            rows: vec![],
-            floors: Default::default(),
-            open: Default::default(),
-        },
-    );
+    night
+        .history
+        .done
+        .borrow_mut()
+        .insert(id.clone(), finished_in("refs"));
     night.history.images.insert(id, Ok(Image::new(8, 4)));
     let (_, recorder) = night.record(&lab);
     assert!(!recorder.labels.contains(&"start r0".to_owned()));
@@ -350,15 +350,11 @@ fn a_reference_that_cannot_be_read_is_rendered_again() {
     let lab = Lab::new().measured();
     let mut night = Night::default();
     let id = lab.plan().references[0].id.clone();
-    night.history.done.insert(
-        id.clone(),
-        FinishedRun {
-            folder: "refs".into(),
-            rows: vec![],
-            floors: Default::default(),
-            open: Default::default(),
-        },
-    );
+    night
+        .history
+        .done
+        .borrow_mut()
+        .insert(id.clone(), finished_in("refs"));
     night
         .history
         .images
@@ -379,26 +375,9 @@ fn a_reference_that_cannot_be_read_is_rendered_again() {
     assert!(matches!(outcomes(&summary)[1], Outcome::Done(_)));
 }
 
-/// A history that returns results recorded during the same night, as files do.
-struct LiveHistory(RefCell<Memory>);
-
-impl History for LiveHistory {
-    fn finished_run(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun> {
-        self.0.borrow().finished_run(plan, cell)
-    }
-
-    fn image(
-        &self,
-        plan: &Plan,
-        reference: usize,
-    ) -> Result<Option<Image>, lumbre_night::experiment::SinkError> {
-        self.0.borrow().image(plan, reference)
-    }
-}
-
 #[test]
 fn the_second_of_two_equal_runs_is_reused_in_the_same_night() {
-    struct Writer<'a>(&'a LiveHistory, Vec<String>);
+    struct Writer<'a>(&'a Memory, Vec<String>);
     impl lumbre_night::experiment::Sink for Writer<'_> {
         fn receive(&mut self, event: &Event) -> Result<(), lumbre_night::experiment::SinkError> {
             self.1.push(crate::experiment::fixtures::label(event));
@@ -418,12 +397,12 @@ fn the_second_of_two_equal_runs_is_reused_in_the_same_night() {
                     floors: Default::default(),
                     open: Default::default(),
                 };
-                self.0.0.borrow_mut().done.insert(id, run);
+                self.0.done.borrow_mut().insert(id, run);
             }
             Ok(())
         }
     }
-    let history = LiveHistory(RefCell::default());
+    let history = Memory::default();
     let lab = Lab::new().axis("idle", ints([1, 2]));
     let mut writer = Writer(&history, Vec::new());
     let control = lumbre_night::experiment::NightControls::default();

@@ -23,7 +23,9 @@ use lumbre_render::Settings;
 use lumbre_render::mock::{MockRenderer, RELATIVE_SIGMA};
 use lumbre_render::{Job, RenderError, Renderer};
 
-use crate::experiment::fixtures::{Lab, Night, Recorder, config, depths, ints, outcomes};
+use crate::experiment::fixtures::{
+    Lab, Night, Recorder, config, depths, finished_in, ints, outcomes,
+};
 
 const CELL: CellRef = CellRef::Cell(0);
 
@@ -269,13 +271,8 @@ fn stored_halves_give_the_noise_floors_once_and_broken_halves_give_a_warning() {
     let id = plan.references[0].id.clone();
     let flat = |x: f32| Image::from_fn(64, 48, |_, _| [x; 3]);
     let mut night = Night::default();
-    let run = FinishedRun {
-        folder: "refs".into(),
-        rows: vec![],
-        floors: Default::default(),
-        open: Default::default(),
-    };
-    night.history.done.insert(id.clone(), run);
+    let run = finished_in("refs");
+    night.history.done.borrow_mut().insert(id.clone(), run);
     night.history.images.insert(id.clone(), Ok(flat(0.5)));
     let halves = HalfImages {
         means: [flat(0.4), flat(0.6)],
@@ -521,15 +518,14 @@ fn cells_are_measured_against_their_own_stored_references() {
     let plan = lab.plan();
     let mut night = Night::default();
     for (index, reference) in plan.references.iter().enumerate() {
-        let run = FinishedRun {
-            folder: "refs".into(),
-            rows: vec![],
-            floors: Default::default(),
-            open: Default::default(),
-        };
+        let run = finished_in("refs");
         let brightness = 10f32.powi(index as i32 + 1);
         let image = Image::from_fn(8, 4, |_, _| [brightness; 3]);
-        night.history.done.insert(reference.id.clone(), run);
+        night
+            .history
+            .done
+            .borrow_mut()
+            .insert(reference.id.clone(), run);
         night.history.images.insert(reference.id.clone(), Ok(image));
     }
     let (summary, _) = night.record(&lab);
@@ -582,13 +578,12 @@ fn stored_pictures_are_compared_and_missing_noise_is_reported() {
     let plan = lab.plan();
     let mut night = Night::default();
     for (reference, light) in plan.references.iter().zip([0.5, 0.6]) {
-        let run = FinishedRun {
-            folder: "refs".into(),
-            rows: vec![],
-            floors: Default::default(),
-            open: Default::default(),
-        };
-        night.history.done.insert(reference.id.clone(), run);
+        let run = finished_in("refs");
+        night
+            .history
+            .done
+            .borrow_mut()
+            .insert(reference.id.clone(), run);
         let flat = |x: f32| Image::from_fn(64, 48, |_, _| [x; 3]);
         night
             .history

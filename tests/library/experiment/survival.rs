@@ -1,96 +1,22 @@
 //! Nights that are interrupted, share their cells with other processes, or end early.
 
-use std::cell::{Cell, RefCell};
-use std::collections::BTreeMap;
-use std::io;
+use std::cell::Cell;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
-use lumbre_light::film::Image;
-use lumbre_night::experiment::event::{FinishedRun, History, SaveState};
 use lumbre_night::experiment::night::run::RunState;
 use lumbre_night::experiment::outcome::Level;
 use lumbre_night::experiment::run::{Options, Seams, run_with};
-use lumbre_night::experiment::run_progress::{Checkpoint, Claim, RunProgress};
-use lumbre_night::experiment::shards::WorkUnit;
 use lumbre_night::experiment::spec::Order;
 use lumbre_night::experiment::{
-    CellRef, Event, NightControls, NightSummary, Outcome, Plan, RunId, Sink, SinkError,
+    CellRef, Event, NightControls, NightSummary, Outcome, Sink, SinkError,
 };
 use lumbre_render::mock::MockRenderer;
 use lumbre_render::{RenderError, Renderer};
 
 use crate::experiment::fixtures::{
-    Lab, Recorder, all_done, at, config, depths, ints, label, outcomes, whole_at,
+    Lab, Memory, Recorder, all_done, at, config, depths, ints, label, outcomes, whole_at,
 };
-
-/// Checkpoints that outlive a process, in memory, and the claims and results of another process.
-#[derive(Default)]
-struct Store {
-    checkpoints: RefCell<BTreeMap<RunId, Checkpoint>>,
-    /// Whether writing fails.
-    full: Cell<bool>,
-    /// Number of further claims of cell 0 that find it held by another process.
-    held: Cell<u32>,
-    /// Runs that the other process has finished.
-    finished: RefCell<BTreeMap<RunId, FinishedRun>>,
-}
-
-impl History for Store {
-    fn finished_run(&self, plan: &Plan, cell: CellRef) -> Option<FinishedRun> {
-        self.finished.borrow().get(plan.id(cell)).cloned()
-    }
-
-    fn image(&self, _: &Plan, _: usize) -> Result<Option<Image>, SinkError> {
-        Ok(None)
-    }
-
-    fn claim(&self, plan: &Plan, unit: WorkUnit) -> Result<Claim, SinkError> {
-        let cell = unit.cell();
-        if cell != CellRef::Cell(0) || self.held.get() == 0 {
-            return Ok(Claim::Granted);
-        }
-        self.held.set(self.held.get() - 1);
-        if self.held.get() == 0 {
-            let run = FinishedRun {
-                folder: "theirs".into(),
-                rows: Vec::new(),
-                floors: Default::default(),
-                open: Default::default(),
-            };
-            self.finished
-                .borrow_mut()
-                .insert(plan.id(cell).clone(), run);
-        }
-        Ok(Claim::HeldBy("process 7".to_owned()))
-    }
-
-    fn checkpoint(&self, plan: &Plan, unit: WorkUnit) -> Option<Checkpoint> {
-        self.checkpoints.borrow().get(plan.id(unit.cell())).cloned()
-    }
-
-    fn save_checkpoint(
-        &self,
-        plan: &Plan,
-        unit: WorkUnit,
-        progress: &RunProgress,
-        save: SaveState<'_>,
-    ) -> Result<bool, SinkError> {
-        if self.full.get() {
-            return Err(SinkError("no space".to_owned()));
-        }
-        let mut state = Vec::new();
-        let saved = save(&mut state).map_err(|e: io::Error| SinkError(e.to_string()))?;
-        let checkpoint = Checkpoint {
-            progress: progress.clone(),
-            state,
-        };
-        self.checkpoints
-            .borrow_mut()
-            .insert(plan.id(unit.cell()).clone(), checkpoint);
-        Ok(saved)
-    }
-}
 
 /// A listener that requests a stop at the first wave after `waves` waves.
 struct StopAfterWaves<'a> {
@@ -113,7 +39,7 @@ impl Sink for StopAfterWaves<'_> {
 
 fn run_night(
     lab: &Lab,
-    history: &Store,
+    history: &Memory,
     options: Options,
     stop_after: u32,
 ) -> (NightSummary, Recorder) {
@@ -145,9 +71,15 @@ fn run_night(
 
 #[test]
 fn a_cell_interrupted_after_any_wave_resumes_to_the_same_film_and_rows() {
-    let whole = run_night(&Lab::new(), &Store::default(), Options::from(1), u32::MAX).1;
+    let whole = run_night(
+        &Lab::new(),
+        &Memory::with_checkpoints(),
+        Options::from(1),
+        u32::MAX,
+    )
+    .1;
     for cut in 0..3 {
-        let store = Store::default();
+        let store = Memory::with_checkpoints();
         let (summary, _) = run_night(&Lab::new(), &store, Options::from(1), cut);
         assert_eq!(
             *outcomes(&summary)[0],
@@ -181,12 +113,13 @@ fn a_cell_interrupted_after_any_wave_resumes_to_the_same_film_and_rows() {
 
 #[test]
 fn a_checkpoint_that_does_not_match_is_reported_and_ignored() {
-    let store = Store::default();
+    let store = Memory::with_checkpoints();
     run_night(&Lab::new(), &store, Options::from(1), 1);
     store
         .checkpoints
         .borrow_mut()
         .values_mut()
+        .flatten()
         .for_each(|checkpoint| checkpoint.state.truncate(40));
     let (summary, recorder) = run_night(&Lab::new(), &store, Options::from(1), u32::MAX);
     assert!(matches!(outcomes(&summary)[0], Outcome::Done(_)));
@@ -203,7 +136,7 @@ fn a_checkpoint_that_does_not_match_is_reported_and_ignored() {
 fn checkpoints_that_cannot_be_written_cause_only_a_warning() {
     let mut lab = Lab::new();
     lab.spec.night.checkpoint_s = Some(1e-9);
-    let store = Store::default();
+    let store = Memory::with_checkpoints();
     store.full.set(true);
     let (summary, recorder) = run_night(&lab, &store, Options::from(1), u32::MAX);
     assert!(matches!(outcomes(&summary)[0], Outcome::Done(_)));
@@ -220,7 +153,7 @@ fn checkpoints_that_cannot_be_written_cause_only_a_warning() {
 
 #[test]
 fn cells_of_other_processes_are_postponed_and_awaited() {
-    let store = Store::default();
+    let store = Memory::with_checkpoints();
     store.held.set(3);
     let (summary, recorder) = run_night(&depths([1, 2, 3]), &store, Options::from(1), u32::MAX);
     let outcomes: Vec<&Outcome> = outcomes(&summary);
@@ -252,7 +185,7 @@ fn a_forecast_counts_a_run_of_several_cells_once_and_not_after_it_is_finished() 
             done: done.iter().copied().map(CellRef::Cell).collect(),
             ..Options::from(1)
         };
-        let (_, recorder) = run_night(&lab, &Store::default(), options, u32::MAX);
+        let (_, recorder) = run_night(&lab, &Memory::with_checkpoints(), options, u32::MAX);
         let forecast = recorder.events.iter().find_map(|event| match event {
             Event::Forecast(forecast) => Some(forecast.known + forecast.unknown),
             _ => None,
@@ -280,7 +213,12 @@ fn the_smoke_pass_finds_a_broken_cell_before_anything_is_rendered() {
         smoke: true,
         ..Options::from(1)
     };
-    let (summary, recorder) = run_night(&broken_at_depth_2(), &Store::default(), options, u32::MAX);
+    let (summary, recorder) = run_night(
+        &broken_at_depth_2(),
+        &Memory::with_checkpoints(),
+        options,
+        u32::MAX,
+    );
     let labels: Vec<&str> = recorder
         .labels
         .iter()
@@ -312,7 +250,12 @@ fn a_night_ends_at_its_limit_of_failures() {
         max_fails: Some(1),
         ..Options::from(1)
     };
-    let (summary, recorder) = run_night(&broken_at_depth_2(), &Store::default(), options, u32::MAX);
+    let (summary, recorder) = run_night(
+        &broken_at_depth_2(),
+        &Memory::with_checkpoints(),
+        options,
+        u32::MAX,
+    );
     assert_eq!(summary.night.ended(), 2, "the third cell was never reached");
     assert!(
         recorder
@@ -329,14 +272,24 @@ fn a_deadline_ends_the_night_and_orders_its_cells_from_coarse_to_fine() {
         deadline: Some(SystemTime::now() - Duration::from_secs(1)),
         ..Options::from(1)
     };
-    let (summary, recorder) = run_night(&depths([1, 2, 3]), &Store::default(), past, u32::MAX);
+    let (summary, recorder) = run_night(
+        &depths([1, 2, 3]),
+        &Memory::with_checkpoints(),
+        past,
+        u32::MAX,
+    );
     assert!(summary.night.ended() == 0 && !summary.interrupted);
     assert!(recorder.messages(Level::Warn)[0].contains("deadline"));
     let far = Options {
         deadline: Some(SystemTime::now() + Duration::from_secs(9999)),
         ..Options::from(1)
     };
-    let (_, recorder) = run_night(&depths([1, 2, 3]), &Store::default(), far, u32::MAX);
+    let (_, recorder) = run_night(
+        &depths([1, 2, 3]),
+        &Memory::with_checkpoints(),
+        far,
+        u32::MAX,
+    );
     let starts: Vec<&String> = recorder
         .labels
         .iter()
@@ -406,13 +359,13 @@ fn interleaved() -> Lab {
 fn interleaved_runs_resume_from_their_checkpoints_after_any_wave() {
     let whole = run_night(
         &interleaved(),
-        &Store::default(),
+        &Memory::with_checkpoints(),
         Options::from(1),
         u32::MAX,
     )
     .1;
     for cut in 0..9 {
-        let store = Store::default();
+        let store = Memory::with_checkpoints();
         let (summary, _) = run_night(&interleaved(), &store, Options::from(1), cut);
         assert!(
             summary.interrupted && outcomes(&summary).contains(&&Outcome::Interrupted),
@@ -456,12 +409,12 @@ fn a_requested_checkpoint_is_written_for_every_interleaved_run() {
                 }
             ) && !std::mem::replace(&mut self.1, true)
             {
-                self.0.request_checkpoint();
+                self.0.checkpoint.set(true);
             }
             Ok(())
         }
     }
-    let (control, store) = (NightControls::default(), Store::default());
+    let (control, store) = (NightControls::default(), Memory::with_checkpoints());
     let mut listener = RequestCheckpoint(&control, false);
     let open = |_: &str, scene, job| -> Result<Box<dyn Renderer>, RenderError> {
         Ok(Box::new(MockRenderer::new(scene, job)))

@@ -32,11 +32,7 @@ fn pairs() -> Vec<Pair> {
             .collect();
         let data: Vec<[f32; 3]> = values.as_chunks::<3>().0.to_vec();
         assert_eq!(data.len(), (width * height) as usize);
-        Image {
-            width,
-            height,
-            data,
-        }
+        Image::from_pixels(width, height, data)
     };
     let pair = |p: &serde_json::Value| Pair {
         name: p["name"].as_str().unwrap().to_owned(),

@@ -33,11 +33,7 @@ fn linear(bytes: &[u8]) -> Image {
         .iter()
         .map(|p| p.map(|v| srgb_light(f32::from(v) / 255.0)))
         .collect();
-    Image {
-        width: WIDTH,
-        height: HEIGHT,
-        data,
-    }
+    Image::from_pixels(WIDTH, HEIGHT, data)
 }
 
 #[test]

@@ -34,11 +34,7 @@ fn place() -> Workplace {
     image::codecs::hdr::HdrEncoder::new(file)
         .encode(&texels, 24, 16)
         .unwrap();
-    let cut = Image {
-        width: 24,
-        height: 15,
-        data: reference.data[..24 * 15].to_vec(),
-    };
+    let cut = Image::from_pixels(24, 15, reference.data[..24 * 15].to_vec());
     write("cut.exr", exr::encode(&cut, &[]).unwrap());
     place
 }

@@ -242,11 +242,11 @@ impl LayerFilm {
                 0.0,
             ]
         };
-        Image {
-            width: film.width,
-            height: film.height,
-            data: film.sum.iter().map(pixel).collect(),
-        }
+        Image::from_pixels(
+            film.width,
+            film.height,
+            film.sum.iter().map(pixel).collect(),
+        )
     }
 }
 

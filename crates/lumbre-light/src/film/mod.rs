@@ -30,10 +30,19 @@ pub struct Image {
 impl Image {
     /// Creates a black image.
     pub fn new(width: u32, height: u32) -> Image {
+        Image::from_pixels(
+            width,
+            height,
+            vec![[0.0; 3]; width as usize * height as usize],
+        )
+    }
+
+    /// Creates an image of the given pixels, row by row.
+    pub fn from_pixels(width: u32, height: u32, data: Vec<[f32; 3]>) -> Image {
         Image {
             width,
             height,
-            data: vec![[0.0; 3]; width as usize * height as usize],
+            data,
         }
     }
 
@@ -43,11 +52,7 @@ impl Image {
             .flat_map(|y| (0..width).map(move |x| (x, y)))
             .map(|(x, y)| f(x, y))
             .collect();
-        Image {
-            width,
-            height,
-            data,
-        }
+        Image::from_pixels(width, height, data)
     }
 
     /// Returns the pixel at column `x`, row `y`.
@@ -171,15 +176,14 @@ impl Film {
         } else {
             1.0 / self.samples as f64
         };
-        Image {
-            width: self.width,
-            height: self.height,
-            data: self
-                .sum
+        Image::from_pixels(
+            self.width,
+            self.height,
+            self.sum
                 .iter()
                 .map(|s| s.map(|x| (x * scale) as f32))
                 .collect(),
-        }
+        )
     }
 
     /// Returns the root mean square standard error of all pixels over the mean of the picture;
@@ -206,11 +210,11 @@ impl Film {
                 }
             })
         };
-        Image {
-            width: self.width,
-            height: self.height,
-            data: self.sum.iter().zip(&self.sum2).map(pixel).collect(),
-        }
+        Image::from_pixels(
+            self.width,
+            self.height,
+            self.sum.iter().zip(&self.sum2).map(pixel).collect(),
+        )
     }
 }
 

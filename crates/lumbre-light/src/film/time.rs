@@ -286,11 +286,7 @@ impl TimeCube {
             .chunks_exact(self.axis.slots())
             .map(pixel)
             .collect();
-        Image {
-            width: self.width,
-            height: self.height,
-            data,
-        }
+        Image::from_pixels(self.width, self.height, data)
     }
 }
 

@@ -63,3 +63,18 @@ pub enum SceneError {
     #[error(transparent)]
     Edit(#[from] crate::value::schema::SchemaError),
 }
+
+impl SceneError {
+    /// Creates an error about a place in a file; an empty file stands for none.
+    pub fn malformed(
+        file: impl Into<PathBuf>,
+        place: impl Into<String>,
+        problem: impl Into<String>,
+    ) -> SceneError {
+        SceneError::Malformed {
+            file: file.into(),
+            place: place.into(),
+            problem: problem.into(),
+        }
+    }
+}

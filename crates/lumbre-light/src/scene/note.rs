@@ -14,6 +14,21 @@ pub struct Note {
     pub message: String,
 }
 
+impl Note {
+    /// Creates a note on a place in a file; an empty file stands for none.
+    pub fn new(
+        file: impl Into<PathBuf>,
+        place: impl Into<String>,
+        message: impl Into<String>,
+    ) -> Note {
+        Note {
+            file: file.into(),
+            place: place.into(),
+            message: message.into(),
+        }
+    }
+}
+
 impl std::fmt::Display for Note {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         if self.file.as_os_str().is_empty() {
@@ -54,19 +69,19 @@ pub fn summed_up(notes: Vec<Note>) -> Vec<Note> {
     kept.truncate(MAX_NOTES);
     for ((file, message), count) in places {
         if count > MAX_EQUAL && kept.iter().any(|n| n.file == file && n.message == message) {
-            kept.push(Note {
+            kept.push(Note::new(
                 file,
-                place: format!("and {} more places", count - MAX_EQUAL),
+                format!("and {} more places", count - MAX_EQUAL),
                 message,
-            });
+            ));
         }
     }
     if left_out > 0 {
-        kept.push(Note {
-            file: PathBuf::new(),
-            place: "notes".to_owned(),
-            message: format!("and {left_out} more with other messages"),
-        });
+        kept.push(Note::new(
+            "",
+            "notes",
+            format!("and {left_out} more with other messages"),
+        ));
     }
     kept
 }
@@ -76,11 +91,7 @@ mod tests {
     use super::*;
 
     fn note(place: usize, message: &str) -> Note {
-        Note {
-            file: PathBuf::from("a.xml"),
-            place: format!("line {place}"),
-            message: message.to_owned(),
-        }
+        Note::new(PathBuf::from("a.xml"), format!("line {place}"), message)
     }
 
     #[test]

@@ -14,13 +14,10 @@ use crate::value::Value;
 use crate::value::schema::{Field, Ty};
 
 /// The parameter `mis` of every integrator that combines strategies.
-pub const FIELD: Field = Field {
-    key: "mis",
-    ty: Ty::Word(&["power", "balance", "none"]),
-    required: false,
-    default: "power",
-    doc: "how strategies that find the same light are weighted: by the squares of their \
-          densities, by their densities, or not by densities at all [Veach 1997, ch. 9]",
+pub const FIELD: Field = crate::field! {
+    mis = "power": Ty::Word(&["power", "balance", "none"]),
+        "how strategies that find the same light are weighted: by the squares of their densities, \
+         by their densities, or not by densities at all [Veach 1997, ch. 9]"
 };
 
 /// The function that maps a density to its term in a weight.

@@ -55,12 +55,9 @@ pub const EMISSION: Table = Table {
     doc: "Time of emission of lights: the profile of their pulse, with the parameters of a \
           material's delay.",
     fields: &[
-        Field {
-            key: "profile",
-            ty: Ty::Word(DelayKind::NAMES),
-            required: true,
-            default: "",
-            doc: "emission at time 0, at a constant time, or at a time drawn from a distribution",
+        crate::field! {
+            profile: Ty::Word(DelayKind::NAMES),
+                "emission at time 0, at a constant time, or at a time drawn from a distribution"
         },
         number(
             "constant",
@@ -86,12 +83,9 @@ pub const EMISSION: Table = Table {
             "1",
             "half of the extent of an epanechnikov profile, at most the mean",
         ),
-        Field {
-            key: "table",
-            ty: Ty::List(&Ty::Num { min: 0.0, max: FAR }),
-            required: false,
-            default: "",
-            doc: "alternating times and densities of a table profile",
+        crate::field! {
+            table = "": Ty::List(&Ty::num(0.0, FAR)),
+                "alternating times and densities of a table profile"
         },
     ],
 };
@@ -108,33 +102,18 @@ pub const TIME: Table = Table {
             "0",
             "start of the first bin; earlier light is stored in an underflow slot",
         ),
-        Field {
-            key: "bin",
-            ty: Ty::Num {
-                min: 1e-9,
-                max: FAR,
-            },
-            required: true,
-            default: "",
-            doc: "width of a bin; a bin stores radiance that is not divided by the width",
+        crate::field! {
+            bin: Ty::num(1e-9, FAR),
+                "width of a bin; a bin stores radiance that is not divided by the width"
         },
-        Field {
-            key: "bins",
-            ty: Ty::Int {
-                min: 1,
-                max: 1_000_000,
-            },
-            required: true,
-            default: "",
-            doc: "number of bins; light after the last one is stored in an overflow slot",
+        crate::field! {
+            bins: Ty::int(1, 1_000_000),
+                "number of bins; light after the last one is stored in an overflow slot"
         },
-        Field {
-            key: "camera",
-            ty: Ty::Bool,
-            required: false,
-            default: "true",
-            doc: "whether the segment from the first surface to the camera counts; false shows \
-                  light as it passes over surfaces",
+        crate::field! {
+            camera = "true": Ty::Bool,
+                "whether the segment from the first surface to the camera counts; false shows \
+                 light as it passes over surfaces"
         },
         number(
             "medium",
@@ -142,13 +121,10 @@ pub const TIME: Table = Table {
             "1",
             "index of refraction of the medium around the camera",
         ),
-        Field {
-            key: "filter",
-            ty: Ty::Word(TimeFilter::WORDS),
-            required: false,
-            default: "none",
-            doc: "how a contribution is spread over the bins about its time: not at all, evenly, \
-                  or by a Gaussian truncated at three sigma",
+        crate::field! {
+            filter = "none": Ty::Word(TimeFilter::WORDS),
+                "how a contribution is spread over the bins about its time: not at all, evenly, or \
+                 by a Gaussian truncated at three sigma"
         },
         number(
             "radius",
@@ -156,12 +132,8 @@ pub const TIME: Table = Table {
             "0.5",
             "half width of the box, or sigma of the Gaussian, in bins",
         ),
-        Field {
-            key: "emission",
-            ty: Ty::Table(&EMISSION),
-            required: false,
-            default: "a pulse at 0",
-            doc: "time of emission of lights",
+        crate::field! {
+            emission = "a pulse at 0": Ty::Table(&EMISSION), "time of emission of lights"
         },
         number(
             "metres",
@@ -172,18 +144,12 @@ pub const TIME: Table = Table {
     ],
 };
 
-/// Schema of `film` in the render table.
-pub const FILM: Table = Table {
-    name: "FilmOptions",
-    doc: "What the film stores besides the picture.",
-    fields: &[Field {
-        key: "time",
-        ty: Ty::Table(&TIME),
-        required: false,
-        default: "none",
-        doc: "a time axis: the light of every pixel, binned by the optical length of its path",
-    }],
-};
+crate::table! {
+    /// Schema of `film` in the render table.
+    pub const FILM = "FilmOptions", "What the film stores besides the picture.";
+    time = "none": Ty::Table(&TIME),
+        "a time axis: the light of every pixel, binned by the optical length of its path";
+}
 
 impl Timing {
     /// Returns a time axis with script defaults for everything else.

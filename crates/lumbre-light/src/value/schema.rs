@@ -57,6 +57,23 @@ pub enum Ty {
     Any(&'static str),
 }
 
+impl Ty {
+    /// Returns the type of integers in `min..=max`.
+    pub const fn int(min: i64, max: i64) -> Ty {
+        Ty::Int { min, max }
+    }
+
+    /// Returns the type of finite numbers in `min..=max`.
+    pub const fn num(min: f64, max: f64) -> Ty {
+        Ty::Num { min, max }
+    }
+
+    /// Returns the type of lists of `len` finite numbers in `min..=max`.
+    pub const fn nums(len: usize, min: f64, max: f64) -> Ty {
+        Ty::Nums { len, min, max }
+    }
+}
+
 /// The name accepted by [`Ty::OrAuto`].
 pub const AUTO: &str = "auto";
 
@@ -115,6 +132,43 @@ pub struct Table {
     pub fields: &'static [Field],
 }
 
+/// Declares one field: `KEY: TYPE, "DOC"` is required, `KEY = "DEFAULT": TYPE, "DOC"` is not.
+#[macro_export]
+macro_rules! field {
+    ($key:ident: $ty:expr, $doc:expr) => {
+        $crate::value::schema::Field::required(stringify!($key), $ty, $doc)
+    };
+    ($key:ident = $default:literal: $ty:expr, $doc:expr) => {
+        $crate::value::schema::Field::optional(stringify!($key), $ty, $default, $doc)
+    };
+}
+
+/// Declares the schema of a table, with one row per field as in [`field!`](crate::field).
+///
+/// ```
+/// use lumbre_light::value::schema::Ty;
+///
+/// lumbre_light::table! {
+///     /// Options of a box.
+///     const BOX = "Box", "Box centred at the origin.";
+///     size: Ty::nums(3, 0.0, 1e9), "edge lengths along x, y and z";
+///     bevel = "0": Ty::num(0.0, 1e9), "radius of rounded edges";
+/// }
+/// assert_eq!(BOX.fields[1].default, "0");
+/// ```
+#[macro_export]
+macro_rules! table {
+    ($(#[$meta:meta])* $visible:vis const $NAME:ident = $name:literal, $doc:literal;
+     $($key:ident $(= $default:literal)?: $ty:expr, $field_doc:expr;)*) => {
+        $(#[$meta])*
+        $visible const $NAME: $crate::value::schema::Table = $crate::value::schema::Table {
+            name: $name,
+            doc: $doc,
+            fields: &[$($crate::field!($key $(= $default)?: $ty, $field_doc)),*],
+        };
+    };
+}
+
 /// A violation of a schema.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{path}: {problem}{}", help.as_ref().map(|h| format!(" ({h})")).unwrap_or_default())]
@@ -127,6 +181,31 @@ pub struct SchemaError {
     pub help: Option<String>,
     /// Last key of the path as written, for finding its line in a script.
     pub key: String,
+}
+
+impl SchemaError {
+    /// Creates an error about the field at `path`. `key` is the last name on the path, or empty if
+    /// the whole table is wrong.
+    pub fn new(
+        path: impl Into<String>,
+        key: impl Into<String>,
+        problem: impl Into<String>,
+    ) -> SchemaError {
+        SchemaError {
+            path: path.into(),
+            problem: problem.into(),
+            help: None,
+            key: key.into(),
+        }
+    }
+
+    /// Adds the remedy.
+    pub fn with_help(self, help: impl Into<String>) -> SchemaError {
+        SchemaError {
+            help: Some(help.into()),
+            ..self
+        }
+    }
 }
 
 impl Table {
@@ -148,12 +227,11 @@ impl Table {
             .iter()
             .find(|f| f.required && !map.contains_key(f.key))
         {
-            Some(f) => Err(SchemaError {
-                path: path.to_owned(),
-                problem: format!("`{}` is missing: {}", f.key, f.doc),
-                help: None,
-                key: String::new(),
-            }),
+            Some(f) => Err(SchemaError::new(
+                path,
+                "",
+                format!("`{}` is missing: {}", f.key, f.doc),
+            )),
             None => Ok(()),
         }
     }
@@ -197,12 +275,7 @@ pub fn unknown_name<'a>(
         Some(near) => format!("did you mean `{near}`?"),
         None => format!("known: {}", known.join(", ")),
     };
-    SchemaError {
-        path: path.to_owned(),
-        problem: format!("unknown {what} `{name}`"),
-        help: Some(help),
-        key: name.to_owned(),
-    }
+    SchemaError::new(path, name, format!("unknown {what} `{name}`")).with_help(help)
 }
 
 fn join(path: &str, key: &str) -> String {
@@ -233,14 +306,7 @@ impl Ty {
     /// # Errors
     /// Returns an error for a wrong type or a value out of range.
     pub fn check(&self, path: &str, key: &str, value: &Value) -> Result<(), SchemaError> {
-        let fail = |problem: String| {
-            Err(SchemaError {
-                path: path.to_owned(),
-                problem,
-                help: None,
-                key: key.to_owned(),
-            })
-        };
+        let fail = |problem: String| Err(SchemaError::new(path, key, problem));
         let out_of_range = |x: &dyn fmt::Display| {
             fail(format!("{x} is out of range: expected {}", self.describe()))
         };
@@ -288,12 +354,9 @@ impl Ty {
             (Ty::Table(table), Value::List(items)) if items.is_empty() => {
                 table.check(path, &BTreeMap::new())
             }
-            (Ty::Table(table), _) => Err(SchemaError {
-                path: path.to_owned(),
-                problem: self.mismatch(value),
-                help: Some(table.keys()),
-                key: key.to_owned(),
-            }),
+            (Ty::Table(table), _) => {
+                Err(SchemaError::new(path, key, self.mismatch(value)).with_help(table.keys()))
+            }
             _ => fail(self.mismatch(value)),
         }
     }

@@ -1,12 +1,9 @@
 //! `x:axis` and the constructors of value lists: `range`, `linspace`, `logspace` and `zip`.
 
-use std::rc::Rc;
+use mlua::Value as LuaValue;
 
-use mlua::{Lua, Value as LuaValue};
-
-use super::{ApiFn, Args, Param};
+use super::{ApiFn, Args, functions};
 use crate::error::ScriptError;
-use crate::state::Shared;
 use lumbre_light::value::Value;
 use lumbre_light::value::suggest;
 use lumbre_night::experiment::spec::Axis;
@@ -23,141 +20,74 @@ const MAX_VALUES_OF_ALL: usize = 300_000;
 /// Longest string that may be the value of an axis, in bytes. It becomes part of a folder name.
 const MAX_TEXT: usize = 120;
 
-const FROM: Param = Param {
-    name: "first",
-    ty: "number",
-    doc: "First value.",
-};
+functions! {
+    /// Constructors of value lists.
+    pub const GLOBALS;
+    "range" -> "number[]" = range,
+        "Returns the values from first to last in exact decimal steps: range(0.1, 0.5, 0.1) is { \
+         0.1, 0.2, 0.3, 0.4, 0.5 }." {
+        "first": "number", "First value.";
+        "last": "number", "Last value; it is included if the steps reach it exactly.";
+        "step?": "number",
+            "Step between values, default 1; a negative step counts down. Zero is an error.";
+    }
+    "linspace" -> "number[]" = linspace, "Returns evenly spaced values from first to last." {
+        "first": "number", "First value.";
+        "last": "number", "Last value, always included.";
+        "count": "integer", "Number of values, from 2 to 100000.";
+    }
+    "logspace" -> "number[]" = logspace,
+        "Returns geometrically spaced values from first to last. Values in between are rounded to \
+         12 digits." {
+        "first": "number", "First value, above 0.";
+        "last": "number", "Last value, above 0, always included.";
+        "count": "integer", "Number of values, from 2 to 100000.";
+    }
+    "zip" -> "any[][]" = zip,
+        "Combines several lists to one list of tuples: zip({3, 5}, {0.5, 1}) is {{3, 0.5}, {5, \
+         1}}." {
+        "...": "any[]", "At least two lists of equal length.";
+    }
+}
 
-/// Constructors of value lists.
-pub const GLOBALS: &[ApiFn] = &[
-    ApiFn {
-        name: "range",
-        params: &[
-            FROM,
-            Param {
-                name: "last",
-                ty: "number",
-                doc: "Last value; it is included if the steps reach it exactly.",
-            },
-            Param {
-                name: "step?",
-                ty: "number",
-                doc: "Step between values, default 1; a negative step counts down. Zero is an \
-                      error.",
-            },
-        ],
-        returns: "number[]",
-        doc: "Returns the values from first to last in exact decimal steps: range(0.1, 0.5, 0.1) \
-              is { 0.1, 0.2, 0.3, 0.4, 0.5 }.",
-        call: range,
-    },
-    ApiFn {
-        name: "linspace",
-        params: &[
-            FROM,
-            Param {
-                name: "last",
-                ty: "number",
-                doc: "Last value, always included.",
-            },
-            Param {
-                name: "count",
-                ty: "integer",
-                doc: "Number of values, from 2 to 100000.",
-            },
-        ],
-        returns: "number[]",
-        doc: "Returns evenly spaced values from first to last.",
-        call: linspace,
-    },
-    ApiFn {
-        name: "logspace",
-        params: &[
-            Param {
-                name: "first",
-                ty: "number",
-                doc: "First value, above 0.",
-            },
-            Param {
-                name: "last",
-                ty: "number",
-                doc: "Last value, above 0, always included.",
-            },
-            Param {
-                name: "count",
-                ty: "integer",
-                doc: "Number of values, from 2 to 100000.",
-            },
-        ],
-        returns: "number[]",
-        doc: "Returns geometrically spaced values from first to last. Values in between are \
-              rounded to 12 digits.",
-        call: logspace,
-    },
-    ApiFn {
-        name: "zip",
-        params: &[Param {
-            name: "...",
-            ty: "any[]",
-            doc: "At least two lists of equal length.",
-        }],
-        returns: "any[][]",
-        doc: "Combines several lists to one list of tuples: zip({3, 5}, {0.5, 1}) is {{3, 0.5}, \
-              {5, 1}}.",
-        call: zip,
-    },
-];
-
-/// Method that declares an axis.
-pub const METHODS: &[ApiFn] = &[ApiFn {
-    name: "x:axis",
-    params: &[
-        Param {
-            name: "name",
-            ty: "string|string[]",
-            doc: "Name of the axis: functions read its value as `p.NAME`. A list of names declares \
-                  parameters that vary together.",
-        },
-        Param {
-            name: "values",
-            ty: "any[]",
-            doc: "List of at most 100000 numbers, strings, booleans or lists; for several names, a \
-                  list of tuples as returned by zip.",
-        },
-    ],
-    returns: "",
-    doc: "Declares an axis of the sweep. The first axis varies slowest. Parameters that vary \
-          together are declared as x:axis({\"depth\", \"radius\"}, zip({3, 5}, {0.5, 1})).",
-    call: axis,
-}];
+functions! {
+    /// Method that declares an axis.
+    pub const METHODS;
+    "x:axis" = axis,
+        "Declares an axis of the sweep. The first axis varies slowest. Parameters that vary \
+         together are declared as x:axis({\"depth\", \"radius\"}, zip({3, 5}, {0.5, 1}))." {
+        "name": "string|string[]",
+            "Name of the axis: functions read its value as `p.NAME`. A list of names declares \
+             parameters that vary together.";
+        "values": "any[]",
+            "List of at most 100000 numbers, strings, booleans or lists; for several names, a list \
+             of tuples as returned by zip.";
+    }
+}
 
 /// Returns a Lua list of numbers; whole numbers become integers.
-fn numbers(shared: &Shared, lua: &Lua, values: &[f64]) -> Result<LuaValue, ScriptError> {
+fn numbers(args: &Args, values: &[f64]) -> Result<LuaValue, ScriptError> {
     let number = |x: &f64| match Value::number(*x) {
         Value::Int(i) => LuaValue::Integer(i),
         _ => LuaValue::Number(*x),
     };
-    let table = lua
+    let table = args
+        .lua
         .create_sequence_from(values.iter().map(number))
-        .map_err(|e| shared.convert(&e))?;
+        .map_err(|e| args.shared.convert(&e))?;
     Ok(LuaValue::Table(table))
 }
 
-fn range(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 3)?;
-    let (first, last) = (
-        args.number(shared, 0, "first")?,
-        args.number(shared, 1, "last")?,
-    );
+fn range(args: &Args) -> Result<LuaValue, ScriptError> {
+    let (first, last) = (args.number(0, "first")?, args.number(1, "last")?);
     let step = if args.len() > 2 {
-        args.number(shared, 2, "step")?
+        args.number(2, "step")?
     } else {
         1.0
     };
     match exact_range(first, last, step) {
-        Ok(values) => numbers(shared, lua, &values),
-        Err(problem) => Err(args.error(shared, problem, None)),
+        Ok(values) => numbers(args, &values),
+        Err(problem) => Err(args.error(problem, None)),
     }
 }
 
@@ -217,21 +147,13 @@ fn exact_range(first: f64, last: f64, step: f64) -> Result<Vec<f64>, String> {
 }
 
 /// Returns the arguments first, last and count of `linspace` and `logspace`.
-fn ends(shared: &Shared, args: &Args) -> Result<(f64, f64, i64), ScriptError> {
-    args.at_most(shared, 3)?;
-    let (first, last) = (
-        args.number(shared, 0, "first")?,
-        args.number(shared, 1, "last")?,
-    );
-    Ok((
-        first,
-        last,
-        args.integer(shared, 2, "count", 2, MAX_VALUES as i64)?,
-    ))
+fn ends(args: &Args) -> Result<(f64, f64, i64), ScriptError> {
+    let (first, last) = (args.number(0, "first")?, args.number(1, "last")?);
+    Ok((first, last, args.integer(2, "count", 2, MAX_VALUES as i64)?))
 }
 
-fn linspace(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    let (first, last, count) = ends(shared, args)?;
+fn linspace(args: &Args) -> Result<LuaValue, ScriptError> {
+    let (first, last, count) = ends(args)?;
     let n = (count - 1) as f64;
     let values: Vec<f64> = (0..count)
         .map(|i| match i {
@@ -242,14 +164,13 @@ fn linspace(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, Scr
             i => (first * (n - i as f64) + last * i as f64) / n,
         })
         .collect();
-    numbers(shared, lua, &values)
+    numbers(args, &values)
 }
 
-fn logspace(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    let (first, last, count) = ends(shared, args)?;
+fn logspace(args: &Args) -> Result<LuaValue, ScriptError> {
+    let (first, last, count) = ends(args)?;
     if first <= 0.0 || last <= 0.0 {
         return Err(args.error(
-            shared,
             format!("logspace({first}, {last}): both ends must be above zero"),
             None,
         ));
@@ -261,7 +182,7 @@ fn logspace(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, Scr
             i => rounded(first * (last / first).powf(i as f64 / (count - 1) as f64)),
         })
         .collect();
-    numbers(shared, lua, &values)
+    numbers(args, &values)
 }
 
 /// Rounds to 12 significant digits, so that powers of ten are exact.
@@ -269,33 +190,28 @@ fn rounded(x: f64) -> f64 {
     format!("{x:.11e}").parse().unwrap_or(x)
 }
 
-fn zip(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+fn zip(args: &Args) -> Result<LuaValue, ScriptError> {
     let lists = (0..args.len())
-        .map(|i| args.table(shared, i, "list"))
+        .map(|i| args.table(i, "list"))
         .collect::<Result<Vec<_>, _>>()?;
     let lengths: Vec<usize> = lists.iter().map(mlua::Table::raw_len).collect();
     if lists.len() < 2 {
         let help = "x:axis({\"depth\", \"radius\"}, zip({3, 5}, {0.5, 1}))".to_owned();
-        return Err(args.error(shared, "expected at least two lists", Some(help)));
+        return Err(args.error("expected at least two lists", Some(help)));
     }
     if lengths.iter().any(|n| *n != lengths[0]) {
-        return Err(args.error(
-            shared,
-            format!("the lists differ in length: {lengths:?}"),
-            None,
-        ));
+        return Err(args.error(format!("the lists differ in length: {lengths:?}"), None));
     }
     if lengths[0] > MAX_VALUES {
         return Err(args.error(
-            shared,
             format!("{} values; an axis has at most {MAX_VALUES}", lengths[0]),
             None,
         ));
     }
     let tuples = || -> mlua::Result<mlua::Table> {
-        let out = lua.create_table_with_capacity(lengths[0], 0)?;
+        let out = args.lua.create_table_with_capacity(lengths[0], 0)?;
         for i in 1..=lengths[0] {
-            let tuple = lua.create_table_with_capacity(lists.len(), 0)?;
+            let tuple = args.lua.create_table_with_capacity(lists.len(), 0)?;
             for (j, list) in lists.iter().enumerate() {
                 tuple.raw_set(j + 1, list.raw_get::<LuaValue>(i)?)?;
             }
@@ -303,23 +219,24 @@ fn zip(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptEr
         }
         Ok(out)
     };
-    Ok(LuaValue::Table(tuples().map_err(|e| shared.convert(&e))?))
+    Ok(LuaValue::Table(
+        tuples().map_err(|e| args.shared.convert(&e))?,
+    ))
 }
 
-fn axis(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 2)?;
-    let names = axis_names(shared, args)?;
+fn axis(args: &Args) -> Result<LuaValue, ScriptError> {
+    let names = axis_names(args)?;
     let path = format!("axis.{}", names.join("+"));
-    let steps = axis_steps(shared, args, &names, &path)?;
-    let mut builder = shared.builder.borrow_mut();
+    let steps = axis_steps(args, &names, &path)?;
+    let mut builder = args.shared.builder.borrow_mut();
     if let Some(name) = names
         .iter()
         .find(|n| builder.axis_names().contains(&n.as_str()))
     {
-        return Err(args.error(shared, format!("there is already an axis `{name}`"), None));
+        return Err(args.error(format!("there is already an axis `{name}`"), None));
     }
     if builder.axes.len() >= MAX_AXES {
-        return Err(args.error(shared, format!("more than {MAX_AXES} axes"), None));
+        return Err(args.error(format!("more than {MAX_AXES} axes"), None));
     }
     let others: usize = builder.axes.iter().map(|axis| axis.steps.len()).sum();
     if others + steps.len() > MAX_VALUES_OF_ALL {
@@ -327,45 +244,42 @@ fn axis(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptErr
             "the axes have {} values together; at most {MAX_VALUES_OF_ALL}",
             others + steps.len()
         );
-        return Err(args.error(shared, problem, None));
+        return Err(args.error(problem, None));
     }
     builder.axes.push(Axis { names, steps });
     Ok(LuaValue::Nil)
 }
 
 /// Returns the names in the first argument of `x:axis`.
-fn axis_names(shared: &Shared, args: &Args) -> Result<Vec<String>, ScriptError> {
+fn axis_names(args: &Args) -> Result<Vec<String>, ScriptError> {
     let names = match args.get(0) {
-        LuaValue::String(_) => vec![args.text(shared, 0, "name")?],
+        LuaValue::String(_) => vec![args.text(0, "name")?],
         LuaValue::Table(_) => {
             let not_names = || {
                 let help = "x:axis({\"depth\", \"radius\"}, zip({3, 5}, {0.5, 1}))".to_owned();
                 args.error(
-                    shared,
                     "argument 1 (name): expected a name or a list of names",
                     Some(help),
                 )
             };
-            let items = args
-                .list(shared, 0, "name", "axis")
-                .map_err(|_| not_names())?;
+            let items = args.list(0, "name", "axis").map_err(|_| not_names())?;
             let names = items
                 .iter()
                 .map(|v| v.as_str().map(str::to_owned))
                 .collect::<Option<Vec<_>>>();
             names.filter(|n| !n.is_empty()).ok_or_else(not_names)?
         }
-        _ => return Err(args.wrong(shared, 0, "name", "a name or a list of names")),
+        _ => return Err(args.wrong(0, "name", "a name or a list of names")),
     };
     for (i, name) in names.iter().enumerate() {
         if !is_name(name) || name == "rep" {
             let help = "use at most 40 letters, digits and `_`, not starting with a digit; `rep` \
                         is reserved for repeats"
                 .to_owned();
-            return Err(args.error(shared, format!("`{name}` cannot name an axis"), Some(help)));
+            return Err(args.error(format!("`{name}` cannot name an axis"), Some(help)));
         }
         if names[..i].contains(name) {
-            return Err(args.error(shared, format!("the name `{name}` is given twice"), None));
+            return Err(args.error(format!("the name `{name}` is given twice"), None));
         }
     }
     Ok(names)
@@ -378,19 +292,13 @@ pub fn is_name(name: &str) -> bool {
 }
 
 /// Returns the values in the second argument of `x:axis`: for each step, one value per name.
-fn axis_steps(
-    shared: &Shared,
-    args: &Args,
-    names: &[String],
-    path: &str,
-) -> Result<Vec<Vec<Value>>, ScriptError> {
-    let items = args.list(shared, 1, "values", path)?;
+fn axis_steps(args: &Args, names: &[String], path: &str) -> Result<Vec<Vec<Value>>, ScriptError> {
+    let items = args.list(1, "values", path)?;
     if items.is_empty() {
-        return Err(args.error(shared, format!("{path} has no values"), None));
+        return Err(args.error(format!("{path} has no values"), None));
     }
     if items.len() > MAX_VALUES {
         return Err(args.error(
-            shared,
             format!("{path} has {} values; at most {MAX_VALUES}", items.len()),
             None,
         ));
@@ -406,11 +314,11 @@ fn axis_steps(
                     i + 1,
                     names.len()
                 );
-                return Err(args.error(shared, problem, None));
+                return Err(args.error(problem, None));
             }
         };
         if let Some(problem) = step.iter().find_map(bad_value) {
-            return Err(args.error(shared, format!("{path}[{}]: {problem}", i + 1), None));
+            return Err(args.error(format!("{path}[{}]: {problem}", i + 1), None));
         }
         steps.push(step);
     }
@@ -430,7 +338,7 @@ fn axis_steps(
                 before + 1
             );
             let help = "experiment(name, { repeats = N }) renders every cell N times".to_owned();
-            return Err(args.error(shared, problem, Some(help)));
+            return Err(args.error(problem, Some(help)));
         }
     }
     Ok(steps)

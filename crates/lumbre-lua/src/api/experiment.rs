@@ -1,92 +1,51 @@
 //! `experiment(..)`, and the methods `x:skip`, `x:render` and `x:stop`.
 
 use std::collections::BTreeMap;
-use std::rc::Rc;
 
-use mlua::{Lua, Value as LuaValue};
+use mlua::Value as LuaValue;
 
 use super::builder::{Builder, Head, Reference, Stop};
 use super::stop_rule::{cell_rules, reference_rules, rule_from_value};
 use super::{
-    ApiFn, Args, Param, axis, measure, night, notify, presentation, reference, report,
+    ApiFn, Args, axis, functions, measure, night, notify, presentation, reference, report,
     report_checks,
 };
 use crate::error::ScriptError;
 use crate::source::SourcePlace;
 use crate::state::{Purpose, Shared};
 use crate::strict;
-use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_light::value::schema::Ty;
 use lumbre_night::experiment::spec::Order;
 
 /// Largest number of skip rules of one experiment.
 const MAX_SKIPS: usize = 1000;
 
-/// Options of `experiment`.
-pub const EXPERIMENT: Table = Table {
-    name: "ExperimentOptions",
-    doc: "Options of `experiment`.",
-    fields: &[
-        Field {
-            key: "seed",
-            ty: Ty::Int {
-                min: 0,
-                max: i64::MAX,
-            },
-            required: false,
-            default: "0",
-            doc: "seed from which the random numbers of every run are derived",
-        },
-        Field {
-            key: "repeats",
-            ty: Ty::Int {
-                min: 1,
-                max: 10_000,
-            },
-            required: false,
-            default: "1",
-            doc: "number of runs of every cell, each with other random numbers",
-        },
-        Field {
-            key: "order",
-            ty: Ty::Word(Order::NAMES),
-            required: false,
-            default: "interleave",
-            doc: "order of cells: `interleave` is that of the axes with the techniques of one picture \
-                  alternating every half second, so that a slowdown of the machine affects all of \
-                  them; `sequential` is that of the axes, `shuffled` random by the seed",
-        },
-        Field {
-            key: "warmup",
-            ty: Ty::Table(&night::WARMUP),
-            required: false,
-            default: "none",
-            doc: "rendering before the clock of a cell starts, with other random numbers; its \
-                  result is discarded",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Options of `experiment`.
+    pub const EXPERIMENT = "ExperimentOptions", "Options of `experiment`.";
+    seed = "0": Ty::int(0, i64::MAX), "seed from which the random numbers of every run are derived";
+    repeats = "1": Ty::int(1, 10_000),
+        "number of runs of every cell, each with other random numbers";
+    order = "interleave": Ty::Word(Order::NAMES),
+        "order of cells: `interleave` is that of the axes with the techniques of one picture \
+         alternating every half second, so that a slowdown of the machine affects all of them; \
+         `sequential` is that of the axes, `shuffled` random by the seed";
+    warmup = "none": Ty::Table(&night::WARMUP),
+        "rendering before the clock of a cell starts, with other random numbers; its result is \
+         discarded";
+}
 
-/// Constructor of experiments.
-pub const GLOBALS: &[ApiFn] = &[ApiFn {
-    name: "experiment",
-    params: &[
-        Param {
-            name: "name",
-            ty: "string",
-            doc: "Name of the experiment and of its results folder: at most 64 letters, digits, \
-                  `_` and `-`.",
-        },
-        Param {
-            name: "options?",
-            ty: "ExperimentOptions",
-            doc: "Seed, repeats, order and warm-up.",
-        },
-    ],
-    returns: "Experiment",
-    doc: "Creates an experiment. A script creates exactly one, calls its methods, and returns it.",
-    call: experiment,
-}];
+functions! {
+    /// Constructor of experiments.
+    pub const GLOBALS;
+    "experiment" -> "Experiment" = experiment,
+        "Creates an experiment. A script creates exactly one, calls its methods, and returns it." {
+        "name": "string",
+            "Name of the experiment and of its results folder: at most 64 letters, digits, `_` and \
+             `-`.";
+        "options?": "ExperimentOptions", "Seed, repeats, order and warm-up.";
+    }
+}
 
 /// Methods of an experiment, in the order of the annotations.
 pub const METHODS: &[&[ApiFn]] = &[
@@ -101,124 +60,77 @@ pub const METHODS: &[&[ApiFn]] = &[
     presentation::METHODS,
 ];
 
-/// Methods that declare what to render.
-const OWN_METHODS: &[ApiFn] = &[
-    ApiFn {
-        name: "x:skip",
-        params: &[
-            Param {
-                name: "reason",
-                ty: "string",
-                doc: "Reason, which the plan prints: 1 to 300 characters.",
-            },
-            Param {
-                name: "rule",
-                ty: "fun(p: Point): boolean?",
-                doc: "Function that returns true for points to skip.",
-            },
-        ],
-        returns: "",
-        doc: "Skips points of the sweep.",
-        call: skip,
-    },
-    ApiFn {
-        name: "x:render",
-        params: &[Param {
-            name: "f",
-            ty: "fun(p: Point): Render",
-            doc: "Function that returns the render table of a point.",
-        }],
-        returns: "",
-        doc: "Sets what is rendered at each point of the sweep.",
-        call: render,
-    },
-];
+functions! {
+    /// Methods that declare what to render.
+    const OWN_METHODS;
+    "x:skip" = skip, "Skips points of the sweep." {
+        "reason": "string", "Reason, which the plan prints: 1 to 300 characters.";
+        "rule": "fun(p: Point): boolean?", "Function that returns true for points to skip.";
+    }
+    "x:render" = render, "Sets what is rendered at each point of the sweep." {
+        "f": "fun(p: Point): Render", "Function that returns the render table of a point.";
+    }
+}
 
-/// Method that declares the stop rule of cells.
-const RULE_METHODS: &[ApiFn] = &[ApiFn {
-    name: "x:stop",
-    params: &[Param {
-        name: "rule",
-        ty: "StopRule|fun(p: Point): StopRule",
-        doc: "One rule for all cells, or a function that returns the rule of each cell.",
-    }],
-    returns: "",
-    doc: "Sets when a cell is finished.",
-    call: stop,
-}];
+functions! {
+    /// Method that declares the stop rule of cells.
+    const RULE_METHODS;
+    "x:stop" = stop, "Sets when a cell is finished." {
+        "rule": "StopRule|fun(p: Point): StopRule",
+            "One rule for all cells, or a function that returns the rule of each cell.";
+    }
+}
 
-fn experiment(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 2)?;
-    let name = args.text(shared, 0, "name")?;
+fn experiment(args: &Args) -> Result<LuaValue, ScriptError> {
+    let name = args.text(0, "name")?;
     let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
     if name.is_empty() || name.len() > 64 || !name.chars().all(legal) {
         let help = "use at most 64 letters, digits, `_` and `-`: it becomes the name of a \
                     folder"
             .to_owned();
-        return Err(args.error(
-            shared,
-            format!("`{name}` cannot name an experiment"),
-            Some(help),
-        ));
+        return Err(args.error(format!("`{name}` cannot name an experiment"), Some(help)));
     }
     if let Some(Head {
         place: SourcePlace { line, .. },
         ..
-    }) = &shared.builder.borrow().head
+    }) = &args.shared.builder.borrow().head
     {
         return Err(args.error(
-            shared,
             format!("a script describes one experiment; the first is in line {line}"),
             None,
         ));
     }
-    if let Purpose::Scene { .. } = shared.purpose {
+    if let Purpose::Scene { .. } = args.shared.purpose {
         let help =
             Some("`lumbre run` runs an experiment; its scenes are files of their own".to_owned());
-        return Err(args.error(shared, "a scene file cannot create an experiment", help));
+        return Err(args.error("a scene file cannot create an experiment", help));
     }
-    if !shared.loading.get() {
-        return Err(args.error(
-            shared,
-            "call experiment(..) only while the script is loaded",
-            None,
-        ));
+    if !args.shared.loading.get() {
+        return Err(args.error("call experiment(..) only while the script is loaded", None));
     }
-    let fields = match args.get(1) {
-        LuaValue::Nil => strict::Fields::default(),
-        LuaValue::Table(t) => strict::fields(&t, &EXPERIMENT, "experiment", false)
-            .map_err(|e| args.locate_error(shared, e))?,
-        _ => return Err(args.wrong(shared, 1, "options", "a table such as { seed = 1 }")),
-    };
-    declare(shared, lua, args, name, &fields)
+    let fields = args.options(1, &EXPERIMENT, "experiment", "{ seed = 1 }")?;
+    declare(args, name, &fields)
 }
 
 /// Stores name and checked options of the experiment and returns its Lua object.
-fn declare(
-    shared: &Rc<Shared>,
-    lua: &Lua,
-    args: &Args,
-    name: String,
-    fields: &strict::Fields,
-) -> Result<LuaValue, ScriptError> {
-    let integer = |key: &str| fields.values.get(key).and_then(Value::as_i64);
-    let object = super::method_object(lua, shared, METHODS.iter().copied().flatten(), "x")
-        .map_err(|e| shared.convert(&e))?;
+fn declare(args: &Args, name: String, fields: &strict::Fields) -> Result<LuaValue, ScriptError> {
+    let integer = |key: &str| fields.i64(key);
+    let object = super::method_object(
+        &args.lua,
+        &args.shared,
+        METHODS.iter().copied().flatten(),
+        "x",
+    )
+    .map_err(|e| args.shared.convert(&e))?;
     // An empty table was converted to a list, which has no map.
     let none = BTreeMap::new();
     let warmup = fields
         .values
         .get("warmup")
         .map(|value| night::warmup(value.as_map().unwrap_or(&none)));
-    let warmup = warmup
-        .transpose()
-        .map_err(|e| args.locate_error(shared, e))?;
-    let order = fields
-        .values
-        .get("order")
-        .and_then(Value::as_str)
-        .and_then(Order::from_name);
-    let mut builder = shared.builder.borrow_mut();
+    let warmup = warmup.transpose().map_err(|e| args.locate_error(e))?;
+    let order = fields.text("order").and_then(Order::from_name);
+    let mut builder = args.shared.builder.borrow_mut();
     (builder.night.order, builder.night.warmup) = (order.unwrap_or(Order::Interleave), warmup);
     builder.head = Some(Head {
         name,
@@ -232,50 +144,45 @@ fn declare(
     Ok(LuaValue::Table(object))
 }
 
-fn skip(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 2)?;
-    let reason = args.text(shared, 0, "reason")?;
-    let rule = args.function(shared, 1, "rule")?;
+fn skip(args: &Args) -> Result<LuaValue, ScriptError> {
+    let reason = args.text(0, "reason")?;
+    let rule = args.function(1, "rule")?;
     if reason.trim().is_empty() || reason.len() > 300 {
         return Err(args.error(
-            shared,
             "the reason must have 1 to 300 characters, since the plan prints it",
             None,
         ));
     }
-    let mut builder = shared.builder.borrow_mut();
+    let mut builder = args.shared.builder.borrow_mut();
     if builder.skips.len() >= MAX_SKIPS {
-        return Err(args.error(shared, format!("more than {MAX_SKIPS} skip rules"), None));
+        return Err(args.error(format!("more than {MAX_SKIPS} skip rules"), None));
     }
     builder.skips.push((reason, rule));
     Ok(LuaValue::Nil)
 }
 
-fn render(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let function = args.function(shared, 0, "f")?;
-    let mut builder = shared.builder.borrow_mut();
-    args.only_once(shared, builder.render.as_ref().map(|(_, place)| place))?;
+fn render(args: &Args) -> Result<LuaValue, ScriptError> {
+    let function = args.function(0, "f")?;
+    let mut builder = args.shared.builder.borrow_mut();
+    args.only_once(builder.render.as_ref().map(|(_, place)| place))?;
     builder.render = Some((function, args.place.clone()));
     Ok(LuaValue::Nil)
 }
 
-fn stop(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
+fn stop(args: &Args) -> Result<LuaValue, ScriptError> {
     let stop = match (args.get(0), rule_from_value(&args.get(0))) {
         (_, Some(rule)) => Stop::Rule(rule),
         (LuaValue::Function(f), None) => Stop::Function(f),
         _ => {
             return Err(args.wrong(
-                shared,
                 0,
                 "rule",
                 "a stop rule such as stop.samples(256), or a function",
             ));
         }
     };
-    let mut builder = shared.builder.borrow_mut();
-    args.only_once(shared, builder.stop.as_ref().map(|(_, place)| place))?;
+    let mut builder = args.shared.builder.borrow_mut();
+    args.only_once(builder.stop.as_ref().map(|(_, place)| place))?;
     builder.stop = Some((stop, args.place.clone()));
     Ok(LuaValue::Nil)
 }

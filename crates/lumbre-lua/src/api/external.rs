@@ -1,15 +1,13 @@
 //! `external`: another renderer as a technique.
 
 use std::collections::BTreeMap;
-use std::rc::Rc;
 
-use mlua::{Lua, Value as LuaValue};
+use mlua::Value as LuaValue;
 
 use super::render_schema::RENDER;
-use super::{ApiFn, Args, Param};
+use super::{ApiFn, Args, functions};
 use crate::error::ScriptError;
 use crate::state::{Purpose, Shared};
-use crate::strict;
 use lumbre_light::transport::integrator::external::PREFIX;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::SchemaError;
@@ -19,43 +17,39 @@ use lumbre_render::external::technique::{
 };
 use lumbre_render::settings::find::find_file;
 
-/// Constructor of techniques of other programs.
-pub const GLOBALS: &[ApiFn] = &[ApiFn {
-    name: "external",
-    params: &[Param {
-        name: "options",
-        ty: "External",
-        doc: "Command of the program, and where its scene and its times come from.",
-    }],
-    returns: "string",
-    doc: "Declares another renderer as a technique and returns its name, a value for `integrator`. \
-          Runs nothing: commands run only with permission, when the night renders.",
-    call: external,
-}];
+functions! {
+    /// Constructor of techniques of other programs.
+    pub const GLOBALS;
+    "external" -> "string" = external,
+        "Declares another renderer as a technique and returns its name, a value for `integrator`. \
+         Runs nothing: commands run only with permission, when the night renders." {
+        "options": "External",
+            "Command of the program, and where its scene and its times come from.";
+    }
+}
 
-fn external(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    if !shared.loading.get() || !matches!(shared.purpose, Purpose::Experiment) {
+fn external(args: &Args) -> Result<LuaValue, ScriptError> {
+    if !args.shared.loading.get() || !matches!(args.shared.purpose, Purpose::Experiment) {
         let problem = "called outside the loading of an experiment";
         let help = "declare the technique at the top of the script, and use its name in functions";
-        return Err(args.error(shared, problem, Some(help.to_owned())));
+        return Err(args.error(problem, Some(help.to_owned())));
     }
-    let table = args.table(shared, 0, "options")?;
-    let options = strict::fields(&table, &EXTERNAL, "external", false)
-        .map_err(|e| args.locate_error(shared, e))?
-        .values;
-    let (name, params) = parameters(options, shared).map_err(|e| args.locate_error(shared, e))?;
-    Technique::declared(&name, &params).map_err(|problem| args.error(shared, problem, None))?;
-    let mut builder = shared.builder.borrow_mut();
+    let options = args.fields(0, "options", &EXTERNAL, "external")?.values;
+    let (name, params) = parameters(options, &args.shared).map_err(|e| args.locate_error(e))?;
+    Technique::declared(&name, &params).map_err(|problem| args.error(problem, None))?;
+    let mut builder = args.shared.builder.borrow_mut();
     match builder.externals.get(&name) {
         Some(known) if *known != params => {
             let problem = format!("`{name}` is declared twice, with different options");
             let help = "give each its own name, or use `params` for what differs".to_owned();
-            return Err(args.error(shared, problem, Some(help)));
+            return Err(args.error(problem, Some(help)));
         }
         _ => builder.externals.insert(name.clone(), params),
     };
-    let name = lua.create_string(&name).map_err(|e| shared.convert(&e))?;
+    let name = args
+        .lua
+        .create_string(&name)
+        .map_err(|e| args.shared.convert(&e))?;
     Ok(LuaValue::String(name))
 }
 
@@ -64,12 +58,8 @@ fn parameters(
     mut params: BTreeMap<String, Value>,
     shared: &Shared,
 ) -> Result<(String, BTreeMap<String, Value>), SchemaError> {
-    let fail = |key: &str, problem: String| SchemaError {
-        path: format!("external.{key}"),
-        problem,
-        help: None,
-        key: key.to_owned(),
-    };
+    let fail =
+        |key: &str, problem: String| SchemaError::new(format!("external.{key}"), key, problem);
     let name = match params.remove("name") {
         Some(Value::Str(name)) => format!("{PREFIX}{name}"),
         _ => PREFIX.to_owned(),

@@ -7,13 +7,12 @@ use std::rc::Rc;
 use mlua::{Lua, MultiValue, UserData, UserDataFields, Value as LuaValue};
 
 use super::axis::is_name;
-use super::{ApiFn, Args, Param};
+use super::{ApiFn, Args, functions};
 use crate::error::ScriptError;
 use crate::kind::{KIND, kind};
-use crate::source::SourcePlace;
 use crate::state::Shared;
 use crate::strict;
-use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, duration_s, unknown_name};
+use lumbre_light::value::schema::{SchemaError, Ty, duration_s, unknown_name};
 use lumbre_light::value::{Value, suggest};
 use lumbre_metrics::tonemap::{TONEMAPS, Tonemap};
 use lumbre_metrics::{METRICS, MetricSpec};
@@ -43,73 +42,37 @@ const RESERVED: &[&str] = &[
     "stop",
 ];
 
-/// Option `keep` of `x:measure`.
-pub const KEEP: Table = Table {
-    name: "Keep",
-    doc: "Pictures that are stored for every run.",
-    fields: &[
-        Field {
-            key: "exr",
-            ty: Ty::Word(&["last", "pow2"]),
-            required: false,
-            default: "last",
-            doc: "OpenEXR pictures: `last` stores the final picture, `pow2` also one at every \
-                  power of two of samples per pixel",
-        },
-        Field {
-            key: "png",
-            ty: Ty::Word(&["last", "every"]),
-            required: false,
-            default: "last",
-            doc: "PNG pictures, tone-mapped by `display`: `last` stores the final picture, `every` \
-                  also one at every measurement",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Option `keep` of `x:measure`.
+    pub const KEEP = "Keep", "Pictures that are stored for every run.";
+    exr = "last": Ty::Word(&["last", "pow2"]),
+        "OpenEXR pictures: `last` stores the final picture, `pow2` also one at every power of two \
+         of samples per pixel";
+    png = "last": Ty::Word(&["last", "every"]),
+        "PNG pictures, tone-mapped by `display`: `last` stores the final picture, `every` also one \
+         at every measurement";
+}
 
-/// Argument of `x:measure`; every other key is a metric column.
-pub const MEASURE: Table = Table {
-    name: "Measure",
-    doc: "Measurements of a cell while it renders. Every other key names a column and holds a \
-          metric: rmse = metric.rmse().",
-    fields: &[
-        Field {
-            key: "every",
-            ty: Ty::Duration,
-            required: false,
-            default: "\"0.5s\"",
-            doc: "longest render time between two measurements, at least 0.01 s",
-        },
-        Field {
-            key: "keep",
-            ty: Ty::Table(&KEEP),
-            required: false,
-            default: "",
-            doc: "pictures that are stored for every run",
-        },
-        Field {
-            key: "display",
-            ty: Ty::Any("Tonemap"),
-            required: false,
-            default: "tonemap.srgb()",
-            doc: "tone map of PNG files and of the live picture",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Argument of `x:measure`; every other key is a metric column.
+    pub const MEASURE = "Measure",
+        "Measurements of a cell while it renders. Every other key names a column and holds a \
+         metric: rmse = metric.rmse().";
+    every = "\"0.5s\"": Ty::Duration,
+        "longest render time between two measurements, at least 0.01 s";
+    keep = "": Ty::Table(&KEEP), "pictures that are stored for every run";
+    display = "tonemap.srgb()": Ty::Any("Tonemap"), "tone map of PNG files and of the live picture";
+}
 
-/// Method that declares the measurements.
-pub const METHODS: &[ApiFn] = &[ApiFn {
-    name: "x:measure",
-    params: &[Param {
-        name: "options",
-        ty: "Measure",
-        doc: "Metric columns, interval and stored pictures.",
-    }],
-    returns: "",
-    doc: "Declares the metrics that compare a cell with its reference while it renders, and the \
-          pictures that are stored.",
-    call: measure,
-}];
+functions! {
+    /// Method that declares the measurements.
+    pub const METHODS;
+    "x:measure" = measure,
+        "Declares the metrics that compare a cell with its reference while it renders, and the \
+         pictures that are stored." {
+        "options": "Measure", "Metric columns, interval and stored pictures.";
+    }
+}
 
 /// Lua object of a metric that is not yet assigned to a column.
 #[derive(Clone, Debug)]
@@ -183,14 +146,7 @@ fn locate_error_here(shared: &Shared, lua: &Lua, error: SchemaError) -> mlua::Er
 
 /// Returns the options of a constructor, which takes no argument or one table.
 fn options(values: MultiValue, path: &str) -> Result<BTreeMap<String, Value>, SchemaError> {
-    let fail = |problem: String| {
-        Err(SchemaError {
-            path: path.to_owned(),
-            problem,
-            help: None,
-            key: String::new(),
-        })
-    };
+    let fail = |problem: String| Err(SchemaError::new(path, "", problem));
     if values.len() > 1 {
         return fail(format!(
             "expected one table of options, found {} arguments",
@@ -238,18 +194,11 @@ pub fn default_measure() -> MeasureSpec {
     }
 }
 
-fn measure(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let table = args.table(shared, 0, "options")?;
-    let spec = read_measure(&table).map_err(|e| args.locate_error(shared, e))?;
-    let mut builder = shared.builder.borrow_mut();
-    if let Some((_, SourcePlace { line, .. })) = &builder.measure {
-        return Err(args.error(
-            shared,
-            format!("called twice: the first call is in line {line}"),
-            None,
-        ));
-    }
+fn measure(args: &Args) -> Result<LuaValue, ScriptError> {
+    let table = args.table(0, "options")?;
+    let spec = read_measure(&table).map_err(|e| args.locate_error(e))?;
+    let mut builder = args.shared.builder.borrow_mut();
+    args.only_once(builder.measure.as_ref().map(|(_, place)| place))?;
     builder.measure = Some((spec, args.place.clone()));
     Ok(LuaValue::Nil)
 }
@@ -261,12 +210,7 @@ fn read_measure(table: &mlua::Table) -> Result<MeasureSpec, SchemaError> {
     if let Some(every) = fields.values.get("every").and_then(duration_s) {
         if every < MIN_EVERY_S {
             let problem = format!("{every} s is too short: expected at least {MIN_EVERY_S} s");
-            return Err(SchemaError {
-                path: "measure.every".to_owned(),
-                problem,
-                help: None,
-                key: "every".to_owned(),
-            });
+            return Err(SchemaError::new("measure.every", "every", problem));
         }
         measure.every_s = every;
     }
@@ -283,12 +227,7 @@ fn read_measure(table: &mlua::Table) -> Result<MeasureSpec, SchemaError> {
     }
     if measure.metrics.len() > MAX_COLUMNS {
         let problem = format!("more than {MAX_COLUMNS} metric columns");
-        return Err(SchemaError {
-            path: "measure".to_owned(),
-            problem,
-            help: None,
-            key: String::new(),
-        });
+        return Err(SchemaError::new("measure", "", problem));
     }
     Ok(measure)
 }

@@ -24,6 +24,7 @@ use std::rc::Rc;
 
 use mlua::{Lua, Value as LuaValue};
 
+pub(crate) use call::functions;
 pub use call::{ApiFn, Args, Param, method_object};
 
 use super::state::{Shared, make_strict};
@@ -40,15 +41,17 @@ pub const FUNCTIONS: &[&[ApiFn]] = &[
     GLOBALS,
 ];
 
-/// Functions that belong to no other file.
-const GLOBALS: &[ApiFn] = &[ApiFn {
-    name: "require",
-    params: require::PARAMS,
-    returns: "any",
-    doc: "Loads a module from below the script's own folder and returns its value. A module runs \
-          only once.",
-    call: require::require,
-}];
+functions! {
+    /// Functions that belong to no other file.
+    const GLOBALS;
+    "require" -> "any" = require::require,
+        "Loads a module from below the script's own folder and returns its value. A module runs \
+         only once." {
+        "name": "string",
+            "Name of the module: `lib.boxes` or `lib/boxes` is the file `lib/boxes.lua` beside the \
+             script.";
+    }
+}
 
 /// Globals of standard Lua that do not exist in scripts, with the reason.
 const REMOVED_GLOBALS: &[(&str, &str)] = &[

@@ -2,135 +2,91 @@
 //! check.
 
 use std::collections::BTreeMap;
-use std::rc::Rc;
 
-use mlua::{Lua, Value as LuaValue};
+use mlua::Value as LuaValue;
 
-use super::{ApiFn, Args, Param};
+use super::{ApiFn, Args, functions};
 use crate::error::ScriptError;
-use crate::state::Shared;
 use crate::strict;
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, duration_s};
+use lumbre_light::value::schema::{SchemaError, Ty, duration_s};
 use lumbre_night::experiment::spec::{Deadline, Warmup};
 
-/// Option `warmup` of `experiment`.
-pub const WARMUP: Table = Table {
-    name: "Warmup",
-    doc: "Rendering before the clock of a cell starts; its result is discarded. Exactly one key is \
-          given.",
-    fields: &[
-        Field {
-            key: "time",
-            ty: Ty::Duration,
-            required: false,
-            default: "",
-            doc: "render time before the clock starts, above 0",
-        },
-        Field {
-            key: "samples",
-            ty: Ty::Int {
-                min: 1,
-                max: 1 << 53,
-            },
-            required: false,
-            default: "",
-            doc: "samples per pixel before the clock starts",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Option `warmup` of `experiment`.
+    pub const WARMUP = "Warmup",
+        "Rendering before the clock of a cell starts; its result is discarded. Exactly one key is \
+         given.";
+    time = "": Ty::Duration, "render time before the clock starts, above 0";
+    samples = "": Ty::int(1, 1 << 53), "samples per pixel before the clock starts";
+}
 
-/// Methods that set how nights run.
-pub const METHODS: &[ApiFn] = &[
-    ApiFn {
-        name: "x:checkpoint",
-        params: &[Param {
-            name: "every",
-            ty: "string|number",
-            doc: "Render time between two checkpoints, above 0: seconds, or text such as \"60s\".",
-        }],
-        returns: "",
-        doc: "Sets how often an unfinished cell is saved, so that an interrupted night resumes \
-              from its last checkpoint. Default: every 60 s of render time, and less often if \
-              saving would take more than 1 % of it.",
-        call: checkpoint,
-    },
-    ApiFn {
-        name: "x:deadline",
-        params: &[Param {
-            name: "at",
-            ty: "string",
-            doc: "Time of day such as \"08:00\", or duration such as \"7.5h\".",
-        }],
-        returns: "",
-        doc: "Sets when a night ends, finished or not. Cells are then ordered from coarse to fine, \
-              so that the finished ones form a complete smaller grid. The option `--until` of the \
-              command line replaces it.",
-        call: deadline,
-    },
-    ApiFn {
-        name: "x:control",
-        params: &[Param {
-            name: "which?",
-            ty: "fun(p: Point): boolean?",
-            doc: "Function that returns true for the points to check. Default: the first technique \
-                  of every picture.",
-        }],
-        returns: "",
-        doc: "Adds an A/A check: renders the chosen points twice, with two seeds, as if they were \
-              two techniques. Every difference between the two is a false discovery and is \
-              reported with its confidence interval, which shows how large a difference has to be \
-              to matter. The duplicates do not appear in tables or figures.",
-        call: control,
-    },
-];
+functions! {
+    /// Methods that set how nights run.
+    pub const METHODS;
+    "x:checkpoint" = checkpoint,
+        "Sets how often an unfinished cell is saved, so that an interrupted night resumes from its \
+         last checkpoint. Default: every 60 s of render time, and less often if saving would take \
+         more than 1 % of it." {
+        "every": "string|number",
+            "Render time between two checkpoints, above 0: seconds, or text such as \"60s\".";
+    }
+    "x:deadline" = deadline,
+        "Sets when a night ends, finished or not. Cells are then ordered from coarse to fine, so \
+         that the finished ones form a complete smaller grid. The option `--until` of the command \
+         line replaces it." {
+        "at": "string", "Time of day such as \"08:00\", or duration such as \"7.5h\".";
+    }
+    "x:control" = control,
+        "Adds an A/A check: renders the chosen points twice, with two seeds, as if they were two \
+         techniques. Every difference between the two is a false discovery and is reported with \
+         its confidence interval, which shows how large a difference has to be to matter. The \
+         duplicates do not appear in tables or figures." {
+        "which?": "fun(p: Point): boolean?",
+            "Function that returns true for the points to check. Default: the first technique of \
+             every picture.";
+    }
+}
 
 /// Returns the only argument as plain data.
-fn one_value(args: &Args, shared: &Rc<Shared>) -> Result<Value, ScriptError> {
-    args.at_most(shared, 1)?;
+fn one_value(args: &Args) -> Result<Value, ScriptError> {
     let found = args.get(0);
-    strict::read(&found, args.name, args.name).map_err(|e| args.locate_error(shared, e))
+    strict::read(&found, args.name, args.name).map_err(|e| args.locate_error(e))
 }
 
-fn checkpoint(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    let every = duration_s(&one_value(args, shared)?).filter(|seconds| *seconds > 0.0);
+fn checkpoint(args: &Args) -> Result<LuaValue, ScriptError> {
+    let every = duration_s(&one_value(args)?).filter(|seconds| *seconds > 0.0);
     let Some(every) = every else {
-        return Err(args.error(shared, "expected a duration above 0, such as \"60s\"", None));
+        return Err(args.error("expected a duration above 0, such as \"60s\"", None));
     };
-    shared.builder.borrow_mut().night.checkpoint_s = Some(every);
+    args.shared.builder.borrow_mut().night.checkpoint_s = Some(every);
     Ok(LuaValue::Nil)
 }
 
-fn deadline(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    let Some(deadline) = Deadline::parse(&one_value(args, shared)?) else {
+fn deadline(args: &Args) -> Result<LuaValue, ScriptError> {
+    let Some(deadline) = Deadline::parse(&one_value(args)?) else {
         let problem = "expected a time of day such as \"08:00\" or a length such as \"7.5h\"";
-        return Err(args.error(shared, problem, None));
+        return Err(args.error(problem, None));
     };
-    shared.builder.borrow_mut().night.deadline = Some(deadline);
+    args.shared.builder.borrow_mut().night.deadline = Some(deadline);
     Ok(LuaValue::Nil)
 }
 
-fn control(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
+fn control(args: &Args) -> Result<LuaValue, ScriptError> {
     let which = match args.get(0) {
         LuaValue::Nil => None,
         LuaValue::Function(f) => Some(f),
         _ => {
             return Err(args.wrong(
-                shared,
                 0,
                 "which",
                 "a function that returns true for the points to check",
             ));
         }
     };
-    let mut builder = shared.builder.borrow_mut();
+    let mut builder = args.shared.builder.borrow_mut();
     if builder.aa_check.is_some() {
-        return Err(args.error(
-            shared,
-            "called twice; an experiment has one A/A check",
-            None,
-        ));
+        return Err(args.error("called twice; an experiment has one A/A check", None));
     }
     builder.aa_check = Some(which);
     Ok(LuaValue::Nil)

@@ -1,86 +1,58 @@
 //! `x:notify`: a command that runs at the end of a night, at failures and at alarms.
 
-use std::rc::Rc;
+use mlua::Value as LuaValue;
 
-use mlua::{Lua, Value as LuaValue};
-
-use super::{ApiFn, Args, Param};
+use super::{ApiFn, Args, functions};
 use crate::error::ScriptError;
-use crate::state::Shared;
-use crate::strict;
+use crate::strict::Fields;
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, duration_s};
+use lumbre_light::value::schema::{SchemaError, Ty, duration_s};
 use lumbre_night::experiment::spec::{NOTICE_PLACEHOLDERS, Notice, NoticeEvent};
 use lumbre_render::external::words;
 
 /// Longest time that a command may take by default, in seconds.
 const TIMEOUT_S: f64 = 30.0;
 
-/// Options of `x:notify`.
-pub const NOTIFY: Table = Table {
-    name: "Notify",
-    doc: "A command that is run at events of the night, beside it: the night waits for it only at \
-          its end.",
-    fields: &[
-        Field::required(
-            "command",
-            Ty::Str,
-            "program and arguments, run without a shell; quotes enclose words with spaces; \
-             placeholders: {event} is `end`, `failure` or `alarm`, {text} what happened, {name} the \
-             experiment, {folder} the night's folder",
-        ),
-        Field::optional(
-            "on",
-            Ty::OneOrMany(&Ty::Word(NoticeEvent::NAMES)),
-            "all of them",
-            "events that it is run for: the end of the night, a run that failed, or a bias check \
-             that found a difference",
-        ),
-        Field::optional(
-            "timeout",
-            Ty::Duration,
-            "30s",
-            "time after which the command is ended; a command that was ended is not run again in this \
-             night",
-        ),
-    ],
-};
+lumbre_light::table! {
+    /// Options of `x:notify`.
+    pub const NOTIFY = "Notify",
+        "A command that is run at events of the night, beside it: the night waits for it only at \
+         its end.";
+    command: Ty::Str,
+        "program and arguments, run without a shell; quotes enclose words with spaces; \
+         placeholders: {event} is `end`, `failure` or `alarm`, {text} what happened, {name} the \
+         experiment, {folder} the night's folder";
+    on = "all of them": Ty::OneOrMany(&Ty::Word(NoticeEvent::NAMES)),
+        "events that it is run for: the end of the night, a run that failed, or a bias check that \
+         found a difference";
+    timeout = "30s": Ty::Duration,
+        "time after which the command is ended; a command that was ended is not run again in this \
+         night";
+}
 
-/// Method that declares a notice.
-pub const METHODS: &[ApiFn] = &[ApiFn {
-    name: "x:notify",
-    params: &[Param {
-        name: "options",
-        ty: "Notify",
-        doc: "Command and events.",
-    }],
-    returns: "",
-    doc: "Runs a command at the end of a night, when a run fails, and when a bias check finds a \
-          difference. May be called several times. Commands run only with --allow-commands or after \
-          the question in the terminal was answered, and `lumbre plan` shows them. A command that \
-          fails is a warning.",
-    call: notify,
-}];
+functions! {
+    /// Method that declares a notice.
+    pub const METHODS;
+    "x:notify" = notify,
+        "Runs a command at the end of a night, when a run fails, and when a bias check finds a \
+         difference. May be called several times. Commands run only with --allow-commands or after \
+         the question in the terminal was answered, and `lumbre plan` shows them. A command that \
+         fails is a warning." {
+        "options": "Notify", "Command and events.";
+    }
+}
 
-fn notify(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let table = args.table(shared, 0, "options")?;
-    let notice = strict::fields(&table, &NOTIFY, "notify", false)
-        .and_then(|fields| notice(&fields))
-        .map_err(|e| args.locate_error(shared, e))?;
-    shared.builder.borrow_mut().night.notices.push(notice);
+fn notify(args: &Args) -> Result<LuaValue, ScriptError> {
+    let fields = args.fields(0, "options", &NOTIFY, "notify")?;
+    let notice = notice(&fields).map_err(|e| args.locate_error(e))?;
+    args.shared.builder.borrow_mut().night.notices.push(notice);
     Ok(LuaValue::Nil)
 }
 
 /// Converts checked options.
-fn notice(fields: &strict::Fields) -> Result<Notice, SchemaError> {
-    let fail = |key: &str, problem: String| SchemaError {
-        path: format!("notify.{key}"),
-        problem,
-        help: None,
-        key: key.to_owned(),
-    };
-    let line = fields.values.get("command").and_then(Value::as_str);
+fn notice(fields: &Fields) -> Result<Notice, SchemaError> {
+    let fail = |key: &str, problem: String| SchemaError::new(format!("notify.{key}"), key, problem);
+    let line = fields.text("command");
     let command = words::split(line.unwrap_or_default())
         .and_then(|command| words::check(&command, &NOTICE_PLACEHOLDERS).map(|()| command))
         .map_err(|problem| fail("command", problem))?;

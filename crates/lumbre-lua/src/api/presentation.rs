@@ -1,70 +1,44 @@
 //! `x:report`: how figures, tables and reports present the results.
 
 use std::collections::BTreeMap;
-use std::rc::Rc;
 
-use mlua::{Lua, Value as LuaValue};
+use mlua::Value as LuaValue;
 
-use super::{ApiFn, Args, Param};
+use super::{ApiFn, Args, functions};
 use crate::error::ScriptError;
-use crate::state::Shared;
 use crate::strict;
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
+use lumbre_light::value::schema::{SchemaError, Ty};
 use lumbre_metrics::tonemap::Tonemap;
 use lumbre_night::experiment::spec::Presentation;
 
 /// Longest name in characters.
 const LONGEST_NAME: usize = 60;
 
-/// Options of `x:report`.
-pub const PRESENTATION: Table = Table {
-    name: "Presentation",
-    doc: "Presentation of the results. It changes neither a result nor an id.",
-    fields: &[
-        Field {
-            key: "names",
-            ty: Ty::Any("table<string, string>"),
-            required: false,
-            default: "",
-            doc: "names of techniques and of other axis values in figures and tables: names = { \
-                  bdpt = \"bidirectional\" }",
-        },
-        Field {
-            key: "colours",
-            ty: Ty::Any("table<string, string>"),
-            required: false,
-            default: "",
-            doc: "colours of techniques and of other axis values, as `#rrggbb`: colours = { bdpt = \
-                  \"#117733\" }",
-        },
-        Field {
-            key: "display",
-            ty: Ty::Any("Tonemap"),
-            required: false,
-            default: "sRGB with an exposure for each figure",
-            doc: "tone map of the crops and films in figures; exposure = 0 shows radiance 1 as \
-                  white",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Options of `x:report`.
+    pub const PRESENTATION = "Presentation",
+        "Presentation of the results. It changes neither a result nor an id.";
+    names = "": Ty::Any("table<string, string>"),
+        "names of techniques and of other axis values in figures and tables: names = { bdpt = \
+         \"bidirectional\" }";
+    colours = "": Ty::Any("table<string, string>"),
+        "colours of techniques and of other axis values, as `#rrggbb`: colours = { bdpt = \
+         \"#117733\" }";
+    display = "sRGB with an exposure for each figure": Ty::Any("Tonemap"),
+        "tone map of the crops and films in figures; exposure = 0 shows radiance 1 as white";
+}
 
-/// Method that sets the presentation.
-pub const METHODS: &[ApiFn] = &[ApiFn {
-    name: "x:report",
-    params: &[Param {
-        name: "options",
-        ty: "Presentation",
-        doc: "Names, colours and tone map.",
-    }],
-    returns: "",
-    doc: "Sets how figures, tables and reports present the results.",
-    call: report,
-}];
+functions! {
+    /// Method that sets the presentation.
+    pub const METHODS;
+    "x:report" = report, "Sets how figures, tables and reports present the results." {
+        "options": "Presentation", "Names, colours and tone map.";
+    }
+}
 
-fn report(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let options = args.table(shared, 0, "options")?;
+fn report(args: &Args) -> Result<LuaValue, ScriptError> {
+    let options = args.table(0, "options")?;
     let read = || -> Result<Presentation, SchemaError> {
         let fields = strict::fields(&options, &PRESENTATION, "report", false)?;
         let value = |key: &str| fields.values.get(key);
@@ -84,9 +58,9 @@ fn report(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptE
             })?,
         })
     };
-    let presentation = read().map_err(|e| args.locate_error(shared, e))?;
-    let mut builder = shared.builder.borrow_mut();
-    args.only_once(shared, builder.report.as_ref().map(|(_, place)| place))?;
+    let presentation = read().map_err(|e| args.locate_error(e))?;
+    let mut builder = args.shared.builder.borrow_mut();
+    args.only_once(builder.report.as_ref().map(|(_, place)| place))?;
     builder.report = Some((presentation, args.place.clone()));
     Ok(LuaValue::Nil)
 }
@@ -101,11 +75,8 @@ fn texts(
         "colours" => "a colour such as \"#117733\"".to_owned(),
         _ => format!("a name of 1 to {LONGEST_NAME} characters"),
     };
-    let fail = |path: String, found: String| SchemaError {
-        path,
-        problem: format!("expected {expected}, found {found}"),
-        help: None,
-        key: key.to_owned(),
+    let fail = |path: String, found: String| {
+        SchemaError::new(path, key, format!("expected {expected}, found {found}"))
     };
     let Some(value) = value else {
         return Ok(BTreeMap::new());

@@ -1,149 +1,77 @@
 //! `x:reference`: a rendered reference with an optional bias check, or an image file.
 
 use std::collections::BTreeMap;
-use std::rc::Rc;
 
-use mlua::{Function, Lua, Value as LuaValue};
+use mlua::{Function, Value as LuaValue};
 
 use super::builder::{BiasCheck, Reference, RenderedReference, Stop};
 use super::stop_rule::rule_from_value;
-use super::{ApiFn, Args, Param};
+use super::{ApiFn, Args, functions};
 use crate::error::ScriptError;
 use crate::kind::kind;
-use crate::state::Shared;
-use crate::strict::{self, Fields};
+use crate::strict::Fields;
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, SchemaError, Table, Ty, duration_s};
+use lumbre_light::value::schema::{SchemaError, Ty, duration_s};
 use lumbre_night::experiment::StopRule;
 
-/// Option `agree` of `x:reference`.
-pub const AGREE: Table = Table {
-    name: "Agree",
-    doc: "Bias check: a second technique that must converge to the same picture as the reference. \
-          A difference raises an alarm with a map of the differing blocks.",
-    fields: &[
-        Field {
-            key: "with",
-            ty: Ty::Any("string|RenderChanges"),
-            required: true,
-            default: "",
-            doc: "integrator of the second picture, or a table with it, its parameters and other \
-                  differences from the reference's render table; parameters of the reference's own \
-                  integrator are not inherited",
-        },
-        Field {
-            key: "time",
-            ty: Ty::Duration,
-            required: false,
-            default: "the reference's stop rule",
-            doc: "render time of the second picture",
-        },
-        Field {
-            key: "samples",
-            ty: Ty::Int {
-                min: 2,
-                max: 1 << 53,
-            },
-            required: false,
-            default: "the reference's stop rule",
-            doc: "samples per pixel of the second picture",
-        },
-        Field {
-            key: "rate",
-            ty: Ty::Num {
-                min: 1e-9,
-                max: 0.5,
-            },
-            required: false,
-            default: "0.01",
-            doc: "accepted rate of false discoveries among the blocks reported as different; if \
-                  nothing differs, the probability of an alarm",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Option `agree` of `x:reference`.
+    pub const AGREE = "Agree",
+        "Bias check: a second technique that must converge to the same picture as the reference. A \
+         difference raises an alarm with a map of the differing blocks.";
+    with: Ty::Any("string|RenderChanges"),
+        "integrator of the second picture, or a table with it, its parameters and other \
+         differences from the reference's render table; parameters of the reference's own \
+         integrator are not inherited";
+    time = "the reference's stop rule": Ty::Duration, "render time of the second picture";
+    samples = "the reference's stop rule": Ty::int(2, 1 << 53),
+        "samples per pixel of the second picture";
+    rate = "0.01": Ty::num(1e-9, 0.5),
+        "accepted rate of false discoveries among the blocks reported as different; if nothing \
+         differs, the probability of an alarm";
+}
 
-/// Options of `x:reference`.
-pub const REFERENCE: Table = Table {
-    name: "Reference",
-    doc: "Reference of the cells: a picture that is rendered first and stored, or an image file.",
-    fields: &[
-        Field {
-            key: "from",
-            ty: Ty::Object("fun(p: Point): RenderChanges"),
-            required: false,
-            default: "the cell's own render table",
-            doc: "function that returns the differences from the cell's render table; `set`, `aa`, \
-                  `camera`, `rr` and `scene_options` are merged key by key",
-        },
-        Field {
-            key: "stop",
-            ty: Ty::Object("StopRule|fun(p: Point): StopRule"),
-            required: false,
-            default: "",
-            doc: "stop rule of the reference, or a function that returns the rule for each cell's \
-                  reference; required unless `image` is given",
-        },
-        Field {
-            key: "agree",
-            ty: Ty::Table(&AGREE),
-            required: false,
-            default: "no comparison",
-            doc: "second technique with which the reference is compared, block by block",
-        },
-        Field {
-            key: "parts",
-            ty: Ty::Int { min: 1, max: 4096 },
-            required: false,
-            default: "1",
-            doc: "number of shards (ranges of samples) that workers render at the same time; only \
-                  with `stop.samples`",
-        },
-        Field {
-            key: "image",
-            ty: Ty::Object("string|fun(p: Point): string"),
-            required: false,
-            default: "",
-            doc: "OpenEXR file instead of a rendered reference, relative to the current folder or \
-                  else to the script's; or a function that returns the file",
-        },
-        Field {
-            key: "source",
-            ty: Ty::Str,
-            required: false,
-            default: "",
-            doc: "with `image`: origin of the image, printed wherever the reference is named",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Options of `x:reference`.
+    pub const REFERENCE = "Reference",
+        "Reference of the cells: a picture that is rendered first and stored, or an image file.";
+    from = "the cell's own render table": Ty::Object("fun(p: Point): RenderChanges"),
+        "function that returns the differences from the cell's render table; `set`, `aa`, \
+         `camera`, `rr` and `scene_options` are merged key by key";
+    stop = "": Ty::Object("StopRule|fun(p: Point): StopRule"),
+        "stop rule of the reference, or a function that returns the rule for each cell's \
+         reference; required unless `image` is given";
+    agree = "no comparison": Ty::Table(&AGREE),
+        "second technique with which the reference is compared, block by block";
+    parts = "1": Ty::int(1, 4096),
+        "number of shards (ranges of samples) that workers render at the same time; only with \
+         `stop.samples`";
+    image = "": Ty::Object("string|fun(p: Point): string"),
+        "OpenEXR file instead of a rendered reference, relative to the current folder or else to \
+         the script's; or a function that returns the file";
+    source = "": Ty::Str,
+        "with `image`: origin of the image, printed wherever the reference is named";
+}
 
-/// Method that declares the reference.
-pub const METHODS: &[ApiFn] = &[ApiFn {
-    name: "x:reference",
-    params: &[Param {
-        name: "options",
-        ty: "Reference",
-        doc: "Rendering or file of the reference.",
-    }],
-    returns: "",
-    doc: "Sets the reference with which cells are compared. Without it, no metrics are measured.",
-    call: reference,
-}];
+functions! {
+    /// Method that declares the reference.
+    pub const METHODS;
+    "x:reference" = reference,
+        "Sets the reference with which cells are compared. Without it, no metrics are measured." {
+        "options": "Reference", "Rendering or file of the reference.";
+    }
+}
 
-fn reference(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let table = args.table(shared, 0, "options")?;
-    let fields = strict::fields(&table, &REFERENCE, "reference", false)
-        .map_err(|e| args.locate_error(shared, e))?;
+fn reference(args: &Args) -> Result<LuaValue, ScriptError> {
+    let fields = args.fields(0, "options", &REFERENCE, "reference")?;
     let reference = match fields.objects.get("image") {
-        Some(image) => {
-            image_reference(&fields, image, args).map_err(|e| args.locate_error(shared, e))?
-        }
-        None => rendered_reference(shared, args, &fields)?,
+        Some(image) => image_reference(&fields, image, args).map_err(|e| args.locate_error(e))?,
+        None => rendered_reference(args, &fields)?,
     };
-    let mut builder = shared.builder.borrow_mut();
+    let mut builder = args.shared.builder.borrow_mut();
     if builder.reference.is_some() {
         let problem = "called twice: an experiment has one reference";
-        return Err(args.error(shared, problem, None));
+        return Err(args.error(problem, None));
     }
     builder.reference = Some(reference);
     Ok(LuaValue::Nil)
@@ -177,12 +105,7 @@ fn image_reference(
         let problem = format!("`{key}` does not apply to an `image`");
         return Err(option_error(key, problem, None));
     }
-    let source = fields
-        .values
-        .get("source")
-        .and_then(Value::as_str)
-        .unwrap_or_default()
-        .to_owned();
+    let source = fields.text("source").unwrap_or_default().to_owned();
     match image {
         LuaValue::String(s) => Ok(Reference::Image {
             file: s.to_string_lossy(),
@@ -201,19 +124,15 @@ fn image_reference(
 }
 
 /// Returns a reference that is rendered.
-fn rendered_reference(
-    shared: &Shared,
-    args: &Args,
-    fields: &Fields,
-) -> Result<Reference, ScriptError> {
-    let fail = |error: SchemaError| args.locate_error(shared, error);
+fn rendered_reference(args: &Args, fields: &Fields) -> Result<Reference, ScriptError> {
+    let fail = |error: SchemaError| args.locate_error(error);
     if fields.values.contains_key("source") {
         let problem = "`source` describes an `image`, but no `image` is given";
         return Err(fail(option_error("source", problem, None)));
     }
     let Some(rule) = fields.objects.get("stop") else {
         let help = "add a stop rule, such as stop = stop.samples(4096)".to_owned();
-        return Err(shared.sources.borrow().field(
+        return Err(args.shared.sources.borrow().field(
             &args.place,
             "reference",
             "`stop` is missing",
@@ -229,11 +148,7 @@ fn rendered_reference(
         .map(bias_check)
         .transpose()
         .map_err(fail)?;
-    let shards = fields
-        .values
-        .get("parts")
-        .and_then(Value::as_i64)
-        .and_then(|n| u32::try_from(n).ok());
+    let shards = fields.i64("parts").and_then(|n| u32::try_from(n).ok());
     Ok(Reference::Render(RenderedReference {
         from,
         stop,

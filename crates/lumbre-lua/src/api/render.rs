@@ -107,15 +107,14 @@ fn with_values(
         .iter()
         .find(|(_, value)| matches!(value, Value::Nil | Value::List(_) | Value::Map(_)))
     {
-        return Err(SchemaError {
-            path: format!("{path}.{key}"),
-            problem: format!(
+        return Err(SchemaError::new(
+            format!("{path}.{key}"),
+            key.clone(),
+            format!(
                 "expected text, a number or a boolean, found {}",
                 value.kind()
             ),
-            help: None,
-            key: key.clone(),
-        });
+        ));
     }
     let mut technique = technique.clone();
     if let Some(Value::Map(values)) = technique.get_mut(VALUES) {
@@ -134,12 +133,8 @@ pub fn check_integrator(name: &str, externals: &Externals, path: &str) -> Result
         return Ok(());
     }
     let declared = externals.keys().map(String::as_str);
-    let mut error = SchemaError {
-        path: path.to_owned(),
-        problem: format!("unknown integrator `{name}`"),
-        help: Some(integrator_help(name, declared)),
-        key: "integrator".to_owned(),
-    };
+    let mut error = SchemaError::new(path, "integrator", format!("unknown integrator `{name}`"))
+        .with_help(integrator_help(name, declared));
     if let Some(name) = name.strip_prefix("external:") {
         error.help = Some(format!(
             "declare another renderer by external {{ name = \"{name}\", command = .. }}"
@@ -159,12 +154,12 @@ fn check_names(
             check_integrator(name, externals, &format!("{path}.integrator"))?;
         }
         Some(table @ (Value::Map(_) | Value::List(_))) => {
-            return Err(SchemaError {
-                path: format!("{path}.integrator"),
-                problem: format!("expected a name, found {}", table.kind()),
-                help: Some(WHERE_PARAMETERS_ARE.to_owned()),
-                key: "integrator".to_owned(),
-            });
+            return Err(SchemaError::new(
+                format!("{path}.integrator"),
+                "integrator",
+                format!("expected a name, found {}", table.kind()),
+            )
+            .with_help(WHERE_PARAMETERS_ARE));
         }
         _ => {}
     }
@@ -228,12 +223,7 @@ fn with_key(mut error: SchemaError, key: &str) -> SchemaError {
 
 /// Returns the error for a missing field.
 fn missing(path: &str, key: &str) -> SchemaError {
-    SchemaError {
-        path: path.to_owned(),
-        problem: format!("`{key}` is missing"),
-        help: None,
-        key: String::new(),
-    }
+    SchemaError::new(path, "", format!("`{key}` is missing"))
 }
 
 #[cfg(test)]

@@ -1,17 +1,14 @@
 //! `x:figure` and `x:table`: figures and tables of the results.
 
-use std::rc::Rc;
+use mlua::{UserData, UserDataFields, Value as LuaValue};
 
-use mlua::{Lua, UserData, UserDataFields, Value as LuaValue};
-
-use super::{ApiFn, Args, Param};
+use super::{ApiFn, Args, functions};
 use crate::error::ScriptError;
 use crate::kind::{KIND, kind};
 use crate::source::SourcePlace;
-use crate::state::Shared;
 use crate::strict;
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
+use lumbre_light::value::schema::{SchemaError, Ty};
 use lumbre_night::experiment::spec::{
     FigureKind, FigureSpec, FigureX, RunColumn, TableFormat, TableSpec, TableValue,
 };
@@ -19,150 +16,60 @@ use lumbre_night::experiment::spec::{
 /// Largest number of figures, and of tables, of one experiment.
 const MAX_REPORTS: usize = 64;
 
-/// Options of `x:figure`.
-pub const FIGURE: Table = Table {
-    name: "Figure",
-    doc: "Figure with curves; one picture for each combination of facet values.",
-    fields: &[
-        Field {
-            key: "x",
-            ty: Ty::Str,
-            required: false,
-            default: "render_s",
-            doc: FigureX::X_DOC,
-        },
-        Field {
-            key: "y",
-            ty: Ty::Object("string|TimeTo|(string|TimeTo)[]"),
-            required: true,
-            default: "",
-            doc: "metric columns, one panel each; over an axis of the sweep, everything that a \
-                  table can show",
-        },
-        Field {
-            key: "by",
-            ty: Ty::Str,
-            required: false,
-            default: "one curve per cell; over an axis, one per combination of the other axes",
-            doc: "axis whose values are different curves",
-        },
-        Field {
-            key: "facet",
-            ty: Ty::OneOrMany(&Ty::Str),
-            required: false,
-            default: "one picture",
-            doc: "axes whose values are different pictures",
-        },
-        Field {
-            key: "only",
-            ty: Ty::Any("table<string, any>"),
-            required: false,
-            default: "all values",
-            doc: "values of axes to draw, one value or a list for each axis: only = { builder = \
-                  \"sah\" }",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Options of `x:figure`.
+    pub const FIGURE = "Figure",
+        "Figure with curves; one picture for each combination of facet values.";
+    x = "render_s": Ty::Str, FigureX::X_DOC;
+    y: Ty::Object("string|TimeTo|(string|TimeTo)[]"),
+        "metric columns, one panel each; over an axis of the sweep, everything that a table can \
+         show";
+    by = "one curve per cell; over an axis, one per combination of the other axes": Ty::Str,
+        "axis whose values are different curves";
+    facet = "one picture": Ty::OneOrMany(&Ty::Str), "axes whose values are different pictures";
+    only = "all values": Ty::Any("table<string, any>"),
+        "values of axes to draw, one value or a list for each axis: only = { builder = \"sah\" }";
+}
 
-/// Options of `x:table`.
-pub const TABLE: Table = Table {
-    name: "ResultTable",
-    doc: "Table over axes. Values of all other axes and of repeats are averaged.",
-    fields: &[
-        Field {
-            key: "value",
-            ty: Ty::Object("string|TimeTo"),
-            required: true,
-            default: "",
-            doc: RunColumn::VALUE_DOC,
-        },
-        Field {
-            key: "rows",
-            ty: Ty::OneOrMany(&Ty::Str),
-            required: true,
-            default: "",
-            doc: "axes whose values are the rows",
-        },
-        Field {
-            key: "cols",
-            ty: Ty::OneOrMany(&Ty::Str),
-            required: false,
-            default: "a single column",
-            doc: "axes whose values are the columns",
-        },
-        Field {
-            key: "format",
-            ty: Ty::OneOrMany(&Ty::Word(&["md", "csv"])),
-            required: false,
-            default: "both",
-            doc: "file formats: `md` is Markdown, `csv` is comma-separated values",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Options of `x:table`.
+    pub const TABLE = "ResultTable",
+        "Table over axes. Values of all other axes and of repeats are averaged.";
+    value: Ty::Object("string|TimeTo"), RunColumn::VALUE_DOC;
+    rows: Ty::OneOrMany(&Ty::Str), "axes whose values are the rows";
+    cols = "a single column": Ty::OneOrMany(&Ty::Str), "axes whose values are the columns";
+    format = "both": Ty::OneOrMany(&Ty::Word(&["md", "csv"])),
+        "file formats: `md` is Markdown, `csv` is comma-separated values";
+}
 
-/// Constructor of a table's value.
-pub const GLOBALS: &[ApiFn] = &[ApiFn {
-    name: "time_to",
-    params: &[
-        Param {
-            name: "column",
-            ty: "string",
-            doc: "Name of a metric column of x:measure.",
-        },
-        Param {
-            name: "threshold",
-            ty: "number",
-            doc: "Value to reach, coming from worse values, in the unit of the metric.",
-        },
-    ],
-    returns: "TimeTo",
-    doc: "Returns a value for tables and figures over axes: render time in seconds until a metric \
-          reached a threshold for good.",
-    call: time_to,
-}];
+functions! {
+    /// Constructor of a table's value.
+    pub const GLOBALS;
+    "time_to" -> "TimeTo" = time_to,
+        "Returns a value for tables and figures over axes: render time in seconds until a metric \
+         reached a threshold for good." {
+        "column": "string", "Name of a metric column of x:measure.";
+        "threshold": "number",
+            "Value to reach, coming from worse values, in the unit of the metric.";
+    }
+}
 
-/// Methods that declare figures and tables.
-pub const METHODS: &[ApiFn] = &[
-    ApiFn {
-        name: "x:table",
-        params: &[
-            Param {
-                name: "name",
-                ty: "string",
-                doc: "Name of its files, without extension: at most 60 letters, digits, `_`, `-` \
-                      and `.`.",
-            },
-            Param {
-                name: "options",
-                ty: "ResultTable",
-                doc: "Value, rows and columns.",
-            },
-        ],
-        returns: "",
-        doc: "Adds a table of the results, which is written when the night ends.",
-        call: table,
-    },
-    ApiFn {
-        name: "x:figure",
-        params: &[
-            Param {
-                name: "name",
-                ty: "string",
-                doc: "Name of its files, without extension: at most 60 letters, digits, `_`, `-` \
-                      and `.`.",
-            },
-            Param {
-                name: "options",
-                ty: "Figure",
-                doc: "Axes and columns to draw.",
-            },
-        ],
-        returns: "",
-        doc: "Adds a figure: errors over the course of runs, or final results over an axis of the \
-              sweep.",
-        call: figure,
-    },
-];
+functions! {
+    /// Methods that declare figures and tables.
+    pub const METHODS;
+    "x:table" = table, "Adds a table of the results, which is written when the night ends." {
+        "name": "string",
+            "Name of its files, without extension: at most 60 letters, digits, `_`, `-` and `.`.";
+        "options": "ResultTable", "Value, rows and columns.";
+    }
+    "x:figure" = figure,
+        "Adds a figure: errors over the course of runs, or final results over an axis of the \
+         sweep." {
+        "name": "string",
+            "Name of its files, without extension: at most 60 letters, digits, `_`, `-` and `.`.";
+        "options": "Figure", "Axes and columns to draw.";
+    }
+}
 
 /// Lua object of `time_to(column, threshold)`.
 #[derive(Clone, Debug)]
@@ -177,35 +84,25 @@ impl UserData for TimeToObject {
     }
 }
 
-fn time_to(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 2)?;
-    let (column, threshold) = (
-        args.text(shared, 0, "column")?,
-        args.number(shared, 1, "threshold")?,
-    );
-    let object = TimeToObject { column, threshold };
-    Ok(LuaValue::UserData(
-        lua.create_userdata(object)
-            .map_err(|e| shared.convert(&e))?,
-    ))
+fn time_to(args: &Args) -> Result<LuaValue, ScriptError> {
+    let (column, threshold) = (args.text(0, "column")?, args.number(1, "threshold")?);
+    args.object(TimeToObject { column, threshold })
 }
 
 /// Returns the name of a figure or table, which becomes a file name.
-fn file_name(shared: &Shared, args: &Args) -> Result<String, ScriptError> {
-    args.at_most(shared, 2)?;
-    let name = args.text(shared, 0, "name")?;
+fn file_name(args: &Args) -> Result<String, ScriptError> {
+    let name = args.text(0, "name")?;
     let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
     if name.is_empty() || name.len() > 60 || name.starts_with('.') || !name.chars().all(legal) {
         let help =
             "use at most 60 letters, digits, `_`, `-` and `.`, not starting with a dot".to_owned();
-        return Err(args.error(shared, format!("`{name}` cannot name a file"), Some(help)));
+        return Err(args.error(format!("`{name}` cannot name a file"), Some(help)));
     }
     Ok(name)
 }
 
 /// Rejects a second figure or table of the same name, and more than [`MAX_REPORTS`].
 fn check_name_is_new<T>(
-    shared: &Shared,
     args: &Args,
     name: &str,
     declared: &[(T, SourcePlace)],
@@ -217,17 +114,12 @@ fn check_name_is_new<T>(
         .find(|(t, _)| name_of(t).eq_ignore_ascii_case(name))
     {
         return Err(args.error(
-            shared,
             format!("`{name}` is already defined in line {}", place.line),
             None,
         ));
     }
     if declared.len() >= MAX_REPORTS {
-        return Err(args.error(
-            shared,
-            format!("called more than {MAX_REPORTS} times"),
-            None,
-        ));
+        return Err(args.error(format!("called more than {MAX_REPORTS} times"), None));
     }
     Ok(())
 }
@@ -245,13 +137,13 @@ fn names(value: Option<&Value>) -> Vec<String> {
     }
 }
 
-fn figure(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    let name = file_name(shared, args)?;
+fn figure(args: &Args) -> Result<LuaValue, ScriptError> {
+    let name = file_name(args)?;
     let path = format!("figure.{name}");
-    let options = args.table(shared, 1, "options")?;
+    let options = args.table(1, "options")?;
     let read = || -> Result<FigureSpec, SchemaError> {
         let fields = strict::fields(&options, &FIGURE, &path, false)?;
-        let word = |key: &str| fields.values.get(key).and_then(Value::as_str);
+        let word = |key: &str| fields.text(key);
         let y = fields
             .objects
             .get("y")
@@ -277,9 +169,9 @@ fn figure(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptE
             only: only_values(fields.values.get("only"), &path)?,
         })
     };
-    let spec = read().map_err(|e| args.locate_error(shared, e))?;
-    let mut builder = shared.builder.borrow_mut();
-    check_name_is_new(shared, args, &name, &builder.figures, |f| &f.name)?;
+    let spec = read().map_err(|e| args.locate_error(e))?;
+    let mut builder = args.shared.builder.borrow_mut();
+    check_name_is_new(args, &name, &builder.figures, |f| &f.name)?;
     builder.figures.push((spec, args.place.clone()));
     Ok(LuaValue::Nil)
 }
@@ -292,35 +184,20 @@ fn figure_values(y: &LuaValue, path: &str) -> Result<Vec<TableValue>, SchemaErro
     list.sequence_values::<LuaValue>()
         .map(|item| match item {
             Ok(item) => table_value(&item, path, "y"),
-            Err(e) => Err(field_error(&format!("{path}.y"), "y", e.to_string(), None)),
+            Err(e) => Err(SchemaError::new(format!("{path}.y"), "y", e.to_string())),
         })
         .collect()
-}
-
-/// Returns an error about a field.
-pub(super) fn field_error(
-    path: &str,
-    key: &str,
-    problem: String,
-    help: Option<String>,
-) -> SchemaError {
-    SchemaError {
-        path: path.to_owned(),
-        problem,
-        help,
-        key: key.to_owned(),
-    }
 }
 
 /// Returns the column of a figure that shows measurements over the course of a run.
 fn curve_column(value: &TableValue, path: &str) -> Result<String, SchemaError> {
     match value {
-        TableValue::TimeTo { .. } => Err(field_error(
-            &format!("{path}.y"),
+        TableValue::TimeTo { .. } => Err(SchemaError::new(
+            format!("{path}.y"),
             "y",
-            "time_to(..) is one number per run and has no curve".to_owned(),
-            Some("draw it over an axis of the sweep: x = \"depth\"".to_owned()),
-        )),
+            "time_to(..) is one number per run and has no curve",
+        )
+        .with_help("draw it over an axis of the sweep: x = \"depth\"")),
         value => Ok(value.name()),
     }
 }
@@ -340,19 +217,19 @@ fn only_values(
             .iter()
             .map(|(axis, kept)| (axis.clone(), values(kept)))
             .collect()),
-        Some(_) => Err(field_error(
-            &format!("{path}.only"),
+        Some(_) => Err(SchemaError::new(
+            format!("{path}.only"),
             "only",
-            "expected a table of axes with their values".to_owned(),
-            Some("only = { depth = { 3, 5 } }".to_owned()),
-        )),
+            "expected a table of axes with their values",
+        )
+        .with_help("only = { depth = { 3, 5 } }")),
     }
 }
 
-fn table(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    let name = file_name(shared, args)?;
+fn table(args: &Args) -> Result<LuaValue, ScriptError> {
+    let name = file_name(args)?;
     let path = format!("table.{name}");
-    let options = args.table(shared, 1, "options")?;
+    let options = args.table(1, "options")?;
     let read = || -> Result<TableSpec, SchemaError> {
         let fields = strict::fields(&options, &TABLE, &path, false)?;
         let value = match fields.objects.get("value") {
@@ -382,9 +259,9 @@ fn table(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptEr
             formats,
         })
     };
-    let spec = read().map_err(|e| args.locate_error(shared, e))?;
-    let mut builder = shared.builder.borrow_mut();
-    check_name_is_new(shared, args, &name, &builder.tables, |t| &t.name)?;
+    let spec = read().map_err(|e| args.locate_error(e))?;
+    let mut builder = args.shared.builder.borrow_mut();
+    check_name_is_new(args, &name, &builder.tables, |t| &t.name)?;
     builder.tables.push((spec, args.place.clone()));
     Ok(LuaValue::Nil)
 }

@@ -3,7 +3,6 @@
 use super::axis::known_axis;
 use super::builder::Builder;
 use super::measure::unknown_column;
-use super::report::field_error;
 use crate::error::ScriptError;
 use crate::state::Shared;
 use lumbre_light::value::Value;
@@ -58,7 +57,7 @@ fn check_figure(figure: &FigureSpec, names: &Names) -> Result<(), SchemaError> {
                 .try_for_each(|name| check_column(name, names.columns, &[], &at("y"), "y"))?;
             if y.is_empty() {
                 let problem = "no metric column".to_owned();
-                return Err(field_error(&at("y"), "y", problem, None));
+                return Err(SchemaError::new(at("y"), "y", problem));
             }
             check_has_reference(names.builder, &at("y"), "y")?;
             None
@@ -69,7 +68,7 @@ fn check_figure(figure: &FigureSpec, names: &Names) -> Result<(), SchemaError> {
                 .try_for_each(|value| check_table_value(names, value, &at("y"), "y"))?;
             if y.is_empty() {
                 let problem = "nothing to draw".to_owned();
-                return Err(field_error(&at("y"), "y", problem, None));
+                return Err(SchemaError::new(at("y"), "y", problem));
             }
             Some(over)
         }
@@ -138,7 +137,7 @@ fn check_horizontal_axis(name: &str, axes: &[&str], path: &str) -> Result<(), Sc
         |near| format!("did you mean `{near}`?"),
     );
     let problem = format!("`{name}` is neither an axis of the sweep nor `render_s` or `samples`");
-    Err(field_error(path, "x", problem, Some(help)))
+    Err(SchemaError::new(path, "x", problem).with_help(help))
 }
 
 /// Checks that an axis has the values that a figure selects.
@@ -164,12 +163,7 @@ fn check_only_values(
                 |n| format!("did you mean `{n}`?"),
             );
             let problem = format!("the axis `{name}` has no value `{value}`");
-            Err(field_error(
-                &format!("{path}.{name}"),
-                name,
-                problem,
-                Some(help),
-            ))
+            Err(SchemaError::new(format!("{path}.{name}"), name, problem).with_help(help))
         }
     }
 }
@@ -193,7 +187,8 @@ fn check_column(
 
 /// Checks that `name` is an axis.
 fn check_axis(name: &str, axes: &[&str], path: &str, key: &str) -> Result<(), SchemaError> {
-    known_axis(name, axes).map_err(|(problem, help)| field_error(path, key, problem, Some(help)))
+    known_axis(name, axes)
+        .map_err(|(problem, help)| SchemaError::new(path, key, problem).with_help(help))
 }
 
 /// Checks that no axis is used twice.
@@ -203,11 +198,10 @@ fn check_distinct(names: &[&String], path: &str, key: &str) -> Result<(), Schema
         .enumerate()
         .find(|(i, name)| names[..*i].contains(name))
     {
-        Some((_, name)) => Err(field_error(
+        Some((_, name)) => Err(SchemaError::new(
             path,
             key,
             format!("the axis `{name}` is used twice"),
-            None,
         )),
         None => Ok(()),
     }
@@ -219,12 +213,12 @@ fn check_has_reference(builder: &Builder, path: &str, key: &str) -> Result<(), S
         Some(_) => Ok(()),
         None => {
             let help = "add x:reference { stop = stop.samples(4096) }".to_owned();
-            Err(field_error(
+            Err(SchemaError::new(
                 path,
                 key,
-                "metrics need a reference, and the script has no x:reference".to_owned(),
-                Some(help),
-            ))
+                "metrics need a reference, and the script has no x:reference",
+            )
+            .with_help(help))
         }
     }
 }

@@ -1,18 +1,15 @@
 //! Constructors of stop rules: `stop.time`, `stop.when` and the others.
 
-use std::rc::Rc;
-
-use mlua::{Lua, Value as LuaValue};
+use mlua::Value as LuaValue;
 
 use super::rule::{Rule, RuleObject};
 use super::stop_rule::rule_from_value;
-use super::{ApiFn, Args, Param};
+use super::{ApiFn, Args, functions};
 use crate::error::ScriptError;
 use crate::kind::kind;
-use crate::state::Shared;
 use crate::strict;
-use lumbre_light::value::schema::{Field, Table, Ty, duration_s};
-use lumbre_light::value::{Value, suggest};
+use lumbre_light::value::schema::{Ty, duration_s};
+use lumbre_light::value::suggest;
 use lumbre_night::experiment::StopRule;
 use lumbre_night::experiment::stop::Comparison;
 
@@ -33,230 +30,93 @@ const COMPARISONS: &[(&str, Comparison)] = &[
     (">=", Comparison::GreaterEqual),
 ];
 
-/// Options of `stop.when`.
-pub const WHEN: Table = Table {
-    name: "WhenOptions",
-    doc: "Options of `stop.when`.",
-    fields: &[Field {
-        key: "hold",
-        ty: Ty::Int {
-            min: 1,
-            max: 1_000_000,
-        },
-        required: false,
-        default: "1",
-        doc: "number of consecutive measurements that must fulfil the comparison",
-    }],
-};
+lumbre_light::table! {
+    /// Options of `stop.when`.
+    pub const WHEN = "WhenOptions", "Options of `stop.when`.";
+    hold = "1": Ty::int(1, 1_000_000),
+        "number of consecutive measurements that must fulfil the comparison";
+}
 
-/// Options of `stop.plateau`.
-pub const PLATEAU: Table = Table {
-    name: "PlateauOptions",
-    doc: "Options of `stop.plateau`.",
-    fields: &[
-        Field {
-            key: "slope",
-            ty: Ty::Num {
-                min: -10.0,
-                max: -1e-6,
-            },
-            required: false,
-            default: "-0.1",
-            doc: "slope of log(error) over log(render time) above which the error counts as \
-                  constant; an unbiased technique has -0.5",
-        },
-        Field {
-            key: "over",
-            ty: Ty::Num { min: 1.5, max: 1e6 },
-            required: false,
-            default: "4",
-            doc: "length of the fitted interval as a ratio of render times: 4 uses the last three \
-                  quarters of the time",
-        },
-        Field {
-            key: "p",
-            ty: Ty::Num {
-                min: 1e-9,
-                max: 0.5,
-            },
-            required: false,
-            default: "0.01",
-            doc: "significance level: the rule stops if a slope as flat as the measured one had a \
-                  smaller probability under the requested slope",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Options of `stop.plateau`.
+    pub const PLATEAU = "PlateauOptions", "Options of `stop.plateau`.";
+    slope = "-0.1": Ty::num(-10.0, -1e-6),
+        "slope of log(error) over log(render time) above which the error counts as constant; an \
+         unbiased technique has -0.5";
+    over = "4": Ty::num(1.5, 1e6),
+        "length of the fitted interval as a ratio of render times: 4 uses the last three quarters \
+         of the time";
+    p = "0.01": Ty::num(1e-9, 0.5),
+        "significance level: the rule stops if a slope as flat as the measured one had a smaller \
+         probability under the requested slope";
+}
 
-/// Constructors of stop rules.
-pub const RULES: &[ApiFn] = &[
-    ApiFn {
-        name: "stop.time",
-        params: &[Param {
-            name: "time",
-            ty: "number|string",
-            doc: "Render time above 0: seconds, or text such as \"50s\" or \"5min\".",
-        }],
-        returns: "StopRule",
-        doc: "Stops when the render time, which excludes measuring and saving, reaches a limit.",
-        call: time,
-    },
-    ApiFn {
-        name: "stop.samples",
-        params: &[Param {
-            name: "count",
-            ty: "integer",
-            doc: "Samples per pixel, at least 1.",
-        }],
-        returns: "StopRule",
-        doc: "Stops when every pixel has exactly this many samples.",
-        call: |shared, lua, args| counted(shared, lua, args, StopRule::Samples),
-    },
-    ApiFn {
-        name: "stop.waves",
-        params: &[Param {
-            name: "count",
-            ty: "integer",
-            doc: "Number of waves, at least 1.",
-        }],
-        returns: "StopRule",
-        doc: "Stops after this many waves.",
-        call: |shared, lua, args| counted(shared, lua, args, StopRule::Waves),
-    },
-    ApiFn {
-        name: "stop.when",
-        params: &[
-            Param {
-                name: "column",
-                ty: "string",
-                doc: "Name of a metric column of x:measure.",
-            },
-            Param {
-                name: "comparison",
-                ty: "\"<\"|\"<=\"|\">\"|\">=\"",
-                doc: "Comparison of the column with the threshold.",
-            },
-            Param {
-                name: "value",
-                ty: "number",
-                doc: "Threshold in the unit of the metric.",
-            },
-            Param {
-                name: "options?",
-                ty: "WhenOptions",
-                doc: "Number of measurements for which the comparison must hold.",
-            },
-        ],
-        returns: "StopRule",
-        doc: "Stops when a metric passes a threshold.",
-        call: when,
-    },
-    ApiFn {
-        name: "stop.plateau",
-        params: &[
-            Param {
-                name: "column",
-                ty: "string",
-                doc: "Name of a metric column of x:measure.",
-            },
-            Param {
-                name: "options?",
-                ty: "PlateauOptions",
-                doc: "Slope, interval and significance.",
-            },
-        ],
-        returns: "StopRule",
-        doc: "Stops when an error no longer falls: when the slope of its logarithm over the \
-              logarithm of render time is significantly flatter than requested. More time is then \
-              useless, since only bias or the noise of the reference is left.",
-        call: plateau,
-    },
-    ApiFn {
-        name: "stop.nan",
-        params: &[Param {
-            name: "count",
-            ty: "integer",
-            doc: "Number of invalid samples, at least 1.",
-        }],
-        returns: "StopRule",
-        doc: "Stops when at least this many samples were NaN or infinite.",
-        call: |shared, lua, args| counted(shared, lua, args, StopRule::Nan),
-    },
-    ApiFn {
-        name: "stop.predicate",
-        params: &[Param {
-            name: "f",
-            ty: "fun(row: Row, history: Row[]): boolean?",
-            doc: "Function that is called after every measurement with the newest row and all \
-                  rows, oldest first.",
-        }],
-        returns: "StopRule",
-        doc: "Stops when the function returns true.",
-        call: predicate,
-    },
-    ApiFn {
-        name: "stop.any",
-        params: &[Param {
-            name: "...",
-            ty: "StopRule|StopRule[]",
-            doc: "Rules, as arguments or in one list.",
-        }],
-        returns: "StopRule",
-        doc: "Stops when at least one of the rules is fulfilled.",
-        call: any,
-    },
-    ApiFn {
-        name: "stop.all",
-        params: &[Param {
-            name: "...",
-            ty: "StopRule|StopRule[]",
-            doc: "Rules, as arguments or in one list.",
-        }],
-        returns: "StopRule",
-        doc: "Stops when all rules are fulfilled at the same time.",
-        call: all,
-    },
-    ApiFn {
-        name: "stop.not_",
-        params: &[Param {
-            name: "rule",
-            ty: "StopRule",
-            doc: "Rule to negate.",
-        }],
-        returns: "StopRule",
-        doc: "Stops when the rule is not fulfilled.",
-        call: not,
-    },
-];
+functions! {
+    /// Constructors of stop rules.
+    pub const RULES;
+    "stop.time" -> "StopRule" = time,
+        "Stops when the render time, which excludes measuring and saving, reaches a limit." {
+        "time": "number|string",
+            "Render time above 0: seconds, or text such as \"50s\" or \"5min\".";
+    }
+    "stop.samples" -> "StopRule" = |args| counted(args, StopRule::Samples),
+        "Stops when every pixel has exactly this many samples." {
+        "count": "integer", "Samples per pixel, at least 1.";
+    }
+    "stop.waves" -> "StopRule" = |args| counted(args, StopRule::Waves),
+        "Stops after this many waves." {
+        "count": "integer", "Number of waves, at least 1.";
+    }
+    "stop.when" -> "StopRule" = when, "Stops when a metric passes a threshold." {
+        "column": "string", "Name of a metric column of x:measure.";
+        "comparison": "\"<\"|\"<=\"|\">\"|\">=\"", "Comparison of the column with the threshold.";
+        "value": "number", "Threshold in the unit of the metric.";
+        "options?": "WhenOptions", "Number of measurements for which the comparison must hold.";
+    }
+    "stop.plateau" -> "StopRule" = plateau,
+        "Stops when an error no longer falls: when the slope of its logarithm over the logarithm \
+         of render time is significantly flatter than requested. More time is then useless, since \
+         only bias or the noise of the reference is left." {
+        "column": "string", "Name of a metric column of x:measure.";
+        "options?": "PlateauOptions", "Slope, interval and significance.";
+    }
+    "stop.nan" -> "StopRule" = |args| counted(args, StopRule::Nan),
+        "Stops when at least this many samples were NaN or infinite." {
+        "count": "integer", "Number of invalid samples, at least 1.";
+    }
+    "stop.predicate" -> "StopRule" = predicate, "Stops when the function returns true." {
+        "f": "fun(row: Row, history: Row[]): boolean?",
+            "Function that is called after every measurement with the newest row and all rows, \
+             oldest first.";
+    }
+    "stop.any" -> "StopRule" = any, "Stops when at least one of the rules is fulfilled." {
+        "...": "StopRule|StopRule[]", "Rules, as arguments or in one list.";
+    }
+    "stop.all" -> "StopRule" = all, "Stops when all rules are fulfilled at the same time." {
+        "...": "StopRule|StopRule[]", "Rules, as arguments or in one list.";
+    }
+    "stop.not_" -> "StopRule" = not, "Stops when the rule is not fulfilled." {
+        "rule": "StopRule", "Rule to negate.";
+    }
+}
 
 /// Creates the Lua object of a rule.
-fn rule_object(
-    shared: &Shared,
-    lua: &Lua,
-    args: &Args,
-    rule: Rule,
-) -> Result<LuaValue, ScriptError> {
+fn rule_object(args: &Args, rule: Rule) -> Result<LuaValue, ScriptError> {
     let rule = RuleObject::new(rule);
     if rule.size() > MAX_RULES || rule.depth() > MAX_DEPTH {
         let problem = format!(
             "the rule contains more than {MAX_RULES} rules or is nested more than {MAX_DEPTH} deep"
         );
-        return Err(args.error(shared, problem, None));
+        return Err(args.error(problem, None));
     }
-    Ok(LuaValue::UserData(
-        lua.create_userdata(rule).map_err(|e| shared.convert(&e))?,
-    ))
+    args.object(rule)
 }
 
-fn time(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let value =
-        strict::read(&args.get(0), "stop.time", "").map_err(|e| args.locate_error(shared, e))?;
+fn time(args: &Args) -> Result<LuaValue, ScriptError> {
+    let value = strict::read(&args.get(0), "stop.time", "").map_err(|e| args.locate_error(e))?;
     match duration_s(&value) {
-        Some(seconds) if seconds > 0.0 => {
-            rule_object(shared, lua, args, Rule::Leaf(StopRule::Time(seconds)))
-        }
+        Some(seconds) if seconds > 0.0 => rule_object(args, Rule::Leaf(StopRule::Time(seconds))),
         _ => Err(args.error(
-            shared,
             format!(
                 "`{value}` is not a duration above zero: expected {}",
                 Ty::Duration.describe()
@@ -267,22 +127,15 @@ fn time(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptE
 }
 
 /// Returns the rule of the only argument, a count.
-fn counted(
-    shared: &Rc<Shared>,
-    lua: &Lua,
-    args: &Args,
-    rule: fn(u64) -> StopRule,
-) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let count = args.integer(shared, 0, "count", 1, MAX_COUNT)?;
-    rule_object(shared, lua, args, Rule::Leaf(rule(count.unsigned_abs())))
+fn counted(args: &Args, rule: fn(u64) -> StopRule) -> Result<LuaValue, ScriptError> {
+    let count = args.integer(0, "count", 1, MAX_COUNT)?;
+    rule_object(args, Rule::Leaf(rule(count.unsigned_abs())))
 }
 
-fn when(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 4)?;
-    let column = args.text(shared, 0, "column")?;
-    let sign = args.text(shared, 1, "comparison")?;
-    let value = args.number(shared, 2, "value")?;
+fn when(args: &Args) -> Result<LuaValue, ScriptError> {
+    let column = args.text(0, "column")?;
+    let sign = args.text(1, "comparison")?;
+    let value = args.number(2, "value")?;
     let Some((_, op)) = COMPARISONS.iter().find(|(s, _)| *s == sign) else {
         let known = COMPARISONS
             .iter()
@@ -290,21 +143,13 @@ fn when(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptE
             .collect::<Vec<_>>()
             .join(", ");
         return Err(args.error(
-            shared,
             format!("unknown comparison `{sign}`"),
             Some(format!("known: {known}")),
         ));
     };
-    let options = match args.get(3) {
-        LuaValue::Nil => strict::Fields::default(),
-        LuaValue::Table(t) => strict::fields(&t, &WHEN, "stop.when", false)
-            .map_err(|e| args.locate_error(shared, e))?,
-        _ => return Err(args.wrong(shared, 3, "options", "a table such as { hold = 3 }")),
-    };
+    let options = args.options(3, &WHEN, "stop.when", "{ hold = 3 }")?;
     let hold = options
-        .values
-        .get("hold")
-        .and_then(Value::as_i64)
+        .i64("hold")
         .and_then(|h| u32::try_from(h).ok())
         .unwrap_or(1);
     let rule = StopRule::When {
@@ -313,30 +158,13 @@ fn when(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptE
         value,
         hold,
     };
-    rule_object(
-        shared,
-        lua,
-        args,
-        Rule::Column(rule, column, args.place.clone()),
-    )
+    rule_object(args, Rule::Column(rule, column, args.place.clone()))
 }
 
-fn plateau(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 2)?;
-    let column = args.text(shared, 0, "column")?;
-    let options = match args.get(1) {
-        LuaValue::Nil => strict::Fields::default(),
-        LuaValue::Table(t) => strict::fields(&t, &PLATEAU, "stop.plateau", false)
-            .map_err(|e| args.locate_error(shared, e))?,
-        _ => return Err(args.wrong(shared, 1, "options", "a table such as { slope = -0.1 }")),
-    };
-    let number = |key: &str, default: f64| {
-        options
-            .values
-            .get(key)
-            .and_then(Value::as_f64)
-            .unwrap_or(default)
-    };
+fn plateau(args: &Args) -> Result<LuaValue, ScriptError> {
+    let column = args.text(0, "column")?;
+    let options = args.options(1, &PLATEAU, "stop.plateau", "{ slope = -0.1 }")?;
+    let number = |key: &str, default: f64| options.f64(key).unwrap_or(default);
     let (exponent, over, p) = (
         number("slope", -0.1),
         number("over", 4.0),
@@ -348,40 +176,33 @@ fn plateau(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, Scri
         over,
         p,
     };
-    rule_object(
-        shared,
-        lua,
-        args,
-        Rule::Column(rule, column, args.place.clone()),
-    )
+    rule_object(args, Rule::Column(rule, column, args.place.clone()))
 }
 
-fn predicate(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let function = args.function(shared, 0, "f")?;
-    rule_object(shared, lua, args, Rule::Predicate(function))
+fn predicate(args: &Args) -> Result<LuaValue, ScriptError> {
+    let function = args.function(0, "f")?;
+    rule_object(args, Rule::Predicate(function))
 }
 
 /// Returns the rules in the arguments, given one by one or in one list.
-fn rules(shared: &Shared, args: &Args) -> Result<Vec<RuleObject>, ScriptError> {
+fn rules(args: &Args) -> Result<Vec<RuleObject>, ScriptError> {
     let values: Vec<LuaValue> = match args.get(0) {
         LuaValue::Table(list) if args.len() == 1 => {
             let n = list.raw_len();
             (1..=n.min(MAX_RULES + 1))
                 .map(|i| list.raw_get(i))
                 .collect::<mlua::Result<_>>()
-                .map_err(|e| shared.convert(&e))?
+                .map_err(|e| args.shared.convert(&e))?
         }
         _ => (0..args.len()).map(|i| args.get(i)).collect(),
     };
     if values.is_empty() {
         let help = "write stop.any { stop.samples(256), stop.time(\"50s\") }".to_owned();
-        return Err(args.error(shared, "expected at least one rule", Some(help)));
+        return Err(args.error("expected at least one rule", Some(help)));
     }
     let rule = |(i, value): (usize, &LuaValue)| {
         rule_from_value(value).ok_or_else(|| {
             args.error(
-                shared,
                 format!(
                     "rule {}: expected a stop rule, found {}",
                     i + 1,
@@ -411,18 +232,17 @@ fn help_for(value: &LuaValue) -> Option<String> {
     }
 }
 
-fn any(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    rule_object(shared, lua, args, Rule::Any(rules(shared, args)?))
+fn any(args: &Args) -> Result<LuaValue, ScriptError> {
+    rule_object(args, Rule::Any(rules(args)?))
 }
 
-fn all(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    rule_object(shared, lua, args, Rule::All(rules(shared, args)?))
+fn all(args: &Args) -> Result<LuaValue, ScriptError> {
+    rule_object(args, Rule::All(rules(args)?))
 }
 
-fn not(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
+fn not(args: &Args) -> Result<LuaValue, ScriptError> {
     match rule_from_value(&args.get(0)) {
-        Some(inner) => rule_object(shared, lua, args, Rule::Not(inner)),
-        None => Err(args.wrong(shared, 0, "rule", "a stop rule")),
+        Some(inner) => rule_object(args, Rule::Not(inner)),
+        None => Err(args.wrong(0, "rule", "a stop rule")),
     }
 }

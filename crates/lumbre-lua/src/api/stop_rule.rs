@@ -8,41 +8,29 @@ use super::rule::{MAX_PREDICATES, Rule, RuleObject};
 use crate::error::ScriptError;
 use crate::source::SourcePlace;
 use crate::state::Shared;
-use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_light::value::schema::Ty;
 use lumbre_night::experiment::StopRule;
 
 /// Count without an upper limit.
-const INTEGER: Ty = Ty::Int {
-    min: i64::MIN,
-    max: i64::MAX,
-};
+const INTEGER: Ty = Ty::int(i64::MIN, i64::MAX);
 
 /// Number without limits.
-const NUMBER: Ty = Ty::Num {
-    min: f64::MIN,
-    max: f64::MAX,
-};
+const NUMBER: Ty = Ty::num(f64::MIN, f64::MAX);
 
-/// Columns of a measurement that exist in every experiment.
-pub const ROW: Table = Table {
-    name: "Row",
-    doc: "Measurement, as stop.predicate receives it. Metric columns are fields too if the \
-          experiment has a reference.",
-    fields: &[
-        Field::required("wave", INTEGER, "number of the wave, from 1"),
-        Field::required("samples", INTEGER, "samples per pixel so far"),
-        Field::required("render_s", NUMBER, "render time in seconds so far"),
-        Field::required("wall_s", NUMBER, "wall time of the cell in seconds so far"),
-        Field::required("measure_s", NUMBER, "time spent on measuring, in seconds"),
-        Field::required("paths", INTEGER, "camera paths so far"),
-        Field::required("rays", INTEGER, "rays so far"),
-        Field::required(
-            "invalid",
-            INTEGER,
-            "samples so far that were NaN or infinite",
-        ),
-    ],
-};
+lumbre_light::table! {
+    /// Columns of a measurement that exist in every experiment.
+    pub const ROW = "Row",
+        "Measurement, as stop.predicate receives it. Metric columns are fields too if the \
+         experiment has a reference.";
+    wave: INTEGER, "number of the wave, from 1";
+    samples: INTEGER, "samples per pixel so far";
+    render_s: NUMBER, "render time in seconds so far";
+    wall_s: NUMBER, "wall time of the cell in seconds so far";
+    measure_s: NUMBER, "time spent on measuring, in seconds";
+    paths: INTEGER, "camera paths so far";
+    rays: INTEGER, "rays so far";
+    invalid: INTEGER, "samples so far that were NaN or infinite";
+}
 
 /// Metric columns that a stop rule may use.
 pub struct RuleColumns<'a> {

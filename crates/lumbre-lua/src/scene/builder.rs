@@ -38,11 +38,7 @@ impl Default for SceneBuilder {
                 resolution: [1280, 720],
                 max_depth: 8,
                 camera,
-                views: Vec::new(),
-                materials: Default::default(),
-                entities: Default::default(),
-                lights: Vec::new(),
-                environment: None,
+                ..SceneDesc::default()
             },
             head: None,
             camera: None,

@@ -1,119 +1,50 @@
 //! Reproducible randomness for scenes: `random`, `scatter` and `noise`, all derived from seeds.
 
-use std::rc::Rc;
+use mlua::{UserData, UserDataFields, UserDataMethods, Value as LuaValue};
 
-use mlua::{Lua, UserData, UserDataFields, UserDataMethods, Value as LuaValue};
-
-use super::create_object;
-use crate::api::{ApiFn, Args, Param};
+use crate::api::{ApiFn, Args, functions};
 use crate::error::ScriptError;
 use crate::kind::KIND;
-use crate::state::Shared;
-use crate::strict;
 use lumbre_light::math::rng::{pcg4d, unit};
 use lumbre_light::scene::noise;
-use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_light::value::schema::Ty;
 
 /// Largest number of points of one `scatter`.
 const MAX_POINTS: i64 = 1_000_000;
 
-/// Options of `scatter`.
-pub const SCATTER: Table = Table {
-    name: "Scatter",
-    doc: "Points on a rectangle in the plane y = 0, centred at the origin.",
-    fields: &[
-        Field {
-            key: "size",
-            ty: Ty::Nums {
-                len: 2,
-                min: 1e-9,
-                max: 1e9,
-            },
-            required: true,
-            default: "",
-            doc: "lengths of the rectangle along x and z, in scene units",
-        },
-        Field {
-            key: "count",
-            ty: Ty::Int {
-                min: 1,
-                max: MAX_POINTS,
-            },
-            required: true,
-            default: "",
-            doc: "number of points",
-        },
-        Field {
-            key: "seed",
-            ty: Ty::Int {
-                min: 0,
-                max: u32::MAX as i64,
-            },
-            required: false,
-            default: "0",
-            doc: "seed of the offset of the sequence",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Options of `scatter`.
+    pub const SCATTER = "Scatter",
+        "Points on a rectangle in the plane y = 0, centred at the origin.";
+    size: Ty::nums(2, 1e-9, 1e9), "lengths of the rectangle along x and z, in scene units";
+    count: Ty::int(1, MAX_POINTS), "number of points";
+    seed = "0": Ty::int(0, u32::MAX as i64), "seed of the offset of the sequence";
+}
 
-/// Functions of this module for scripts.
-pub const GLOBALS: &[ApiFn] = &[
-    ApiFn {
-        name: "random",
-        params: &[Param {
-            name: "seed",
-            ty: "integer",
-            doc: "Seed of the stream, from 0 to 4294967295.",
-        }],
-        returns: "Random",
-        doc: "Returns a stream of random numbers that is the same in every run: r:next() is at \
-              least 0 and below 1, r:between(a, b) is uniform between a and b, r:integer(a, b) \
-              includes both ends, r:pick(list) is an item of a list.",
-        call: random,
-    },
-    ApiFn {
-        name: "scatter",
-        params: &[Param {
-            name: "options",
-            ty: "Scatter",
-            doc: "Rectangle, number and seed.",
-        }],
-        returns: "number[][]",
-        doc: "Returns points that are evenly spread without a visible pattern: the plastic-number \
-              sequence [Roberts 2018], offset by the seed.",
-        call: scatter,
-    },
-    ApiFn {
-        name: "noise",
-        params: &[
-            Param {
-                name: "x",
-                ty: "number",
-                doc: "First coordinate; the noise varies on a scale of 1.",
-            },
-            Param {
-                name: "y",
-                ty: "number",
-                doc: "Second coordinate.",
-            },
-            Param {
-                name: "z?",
-                ty: "number",
-                doc: "Third coordinate, default 0.",
-            },
-            Param {
-                name: "octaves?",
-                ty: "integer",
-                doc: "Number of octaves from 1 to 16, default 1; each has twice the frequency and \
-                      half the amplitude of the previous one.",
-            },
-        ],
-        returns: "number",
-        doc: "Returns gradient noise [Perlin 2002]: smooth, mostly between -1 and 1, with mean 0.",
-        call: noise_at,
-    },
-];
+functions! {
+    /// Functions of this module for scripts.
+    pub const GLOBALS;
+    "random" -> "Random" = random,
+        "Returns a stream of random numbers that is the same in every run: r:next() is at least 0 \
+         and below 1, r:between(a, b) is uniform between a and b, r:integer(a, b) includes both \
+         ends, r:pick(list) is an item of a list." {
+        "seed": "integer", "Seed of the stream, from 0 to 4294967295.";
+    }
+    "scatter" -> "number[][]" = scatter,
+        "Returns points that are evenly spread without a visible pattern: the plastic-number \
+         sequence [Roberts 2018], offset by the seed." {
+        "options": "Scatter", "Rectangle, number and seed.";
+    }
+    "noise" -> "number" = noise_at,
+        "Returns gradient noise [Perlin 2002]: smooth, mostly between -1 and 1, with mean 0." {
+        "x": "number", "First coordinate; the noise varies on a scale of 1.";
+        "y": "number", "Second coordinate.";
+        "z?": "number", "Third coordinate, default 0.";
+        "octaves?": "integer",
+            "Number of octaves from 1 to 16, default 1; each has twice the frequency and half the \
+             amplitude of the previous one.";
+    }
+}
 
 /// Lua object of a stream of random numbers.
 #[derive(Debug)]
@@ -161,26 +92,18 @@ impl UserData for RandomObject {
     }
 }
 
-fn random(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let seed = args.integer(shared, 0, "seed", 0, i64::from(u32::MAX))?;
-    create_object(
-        shared,
-        lua,
-        RandomObject {
-            seed: seed as u32,
-            count: 0,
-        },
-    )
+fn random(args: &Args) -> Result<LuaValue, ScriptError> {
+    let seed = args.integer(0, "seed", 0, i64::from(u32::MAX))?;
+    args.object(RandomObject {
+        seed: seed as u32,
+        count: 0,
+    })
 }
 
-fn scatter(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let table = args.table(shared, 0, "options")?;
-    let fields = strict::fields(&table, &SCATTER, "scatter", false)
-        .map_err(|e| args.locate_error(shared, e))?;
-    let [x, z] = fields.values.get("size").map_or([1.0; 2], super::numbers);
-    let integer = |key: &str| fields.values.get(key).and_then(Value::as_i64).unwrap_or(0);
+fn scatter(args: &Args) -> Result<LuaValue, ScriptError> {
+    let fields = args.fields(0, "options", &SCATTER, "scatter")?;
+    let [x, z] = fields.numbers("size").unwrap_or([1.0; 2]);
+    let integer = |key: &str| fields.i64(key).unwrap_or(0);
     let [first, second, ..] = pcg4d([integer("seed") as u32, 1, 2, 3]);
     let start = [first, second].map(|word| f64::from(unit(word)));
     // Real root of p^3 = p + 1.
@@ -188,20 +111,20 @@ fn scatter(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, Scri
     let step = [1.0 / PLASTIC, 1.0 / (PLASTIC * PLASTIC)];
     let point = |i: i64| {
         let along = |k: usize| (start[k] + step[k] * i as f64).fract() - 0.5;
-        lua.create_sequence_from([along(0) * f64::from(x), 0.0, along(1) * f64::from(z)])
+        args.lua
+            .create_sequence_from([along(0) * f64::from(x), 0.0, along(1) * f64::from(z)])
     };
     let points: mlua::Result<Vec<mlua::Table>> = (0..integer("count")).map(point).collect();
     let table = points
-        .and_then(|points| lua.create_sequence_from(points))
-        .map_err(|e| shared.convert(&e))?;
+        .and_then(|points| args.lua.create_sequence_from(points))
+        .map_err(|e| args.shared.convert(&e))?;
     Ok(LuaValue::Table(table))
 }
 
-fn noise_at(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 4)?;
+fn noise_at(args: &Args) -> Result<LuaValue, ScriptError> {
     let coordinate = |i: usize, what: &str| match args.get(i) {
         LuaValue::Nil if i > 1 => Ok(0.0),
-        _ => args.number(shared, i, what),
+        _ => args.number(i, what),
     };
     let point = [
         coordinate(0, "x")?,
@@ -209,7 +132,7 @@ fn noise_at(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, Scrip
         coordinate(2, "z")?,
     ];
     let octaves = if args.len() > 3 {
-        args.integer(shared, 3, "octaves", 1, 16)?
+        args.integer(3, "octaves", 1, 16)?
     } else {
         1
     };

@@ -1,68 +1,51 @@
 //! `s:import`: adds another scene file to a scene.
 
 use std::collections::BTreeMap;
-use std::rc::Rc;
 use std::sync::Arc;
 
 use glam::Affine3A;
-use mlua::{Lua, Value as LuaValue};
+use mlua::Value as LuaValue;
 
 use super::schema::IMPORT;
-use super::{SceneBuilder, part, scene_error};
+use super::{SceneBuilder, part};
 use crate::api::Args;
 use crate::error::ScriptError;
 use crate::kind::kind;
-use crate::state::{Purpose, Shared};
-use crate::strict::{self, Fields};
+use crate::state::Purpose;
+use crate::strict::Fields;
 use lumbre_light::scene::desc::{
     CowVec, EntityDesc, LightDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, mesh_hash,
 };
 use lumbre_light::scene::shape;
-use lumbre_light::value::Value;
 use lumbre_scene_io::load;
 
 /// Implements `s:import`: adds the entities and materials of another scene file.
 ///
 /// # Errors
 /// Returns an error for invalid options or an unreadable file.
-pub fn import(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 2)?;
-    let name = args.text(shared, 0, "file")?;
-    let fields = match args.get(1) {
-        LuaValue::Nil => Fields::default(),
-        LuaValue::Table(t) => strict::fields(&t, &IMPORT, "import", false)
-            .map_err(|e| args.locate_error(shared, e))?,
-        _ => {
-            return Err(args.wrong(
-                shared,
-                1,
-                "options",
-                "a table such as { prefix = \"sponza/\" }",
-            ));
-        }
-    };
+pub fn import(args: &Args) -> Result<LuaValue, ScriptError> {
+    let name = args.text(0, "file")?;
+    let fields = args.options(1, &IMPORT, "import", "{ prefix = \"sponza/\" }")?;
     let frame = match fields.objects.get("place") {
         None => Affine3A::IDENTITY,
-        Some(LuaValue::Table(t)) => part::frame(shared, args, t, "import.place")?,
+        Some(LuaValue::Table(t)) => part::frame(args, t, "import.place")?,
         Some(other) => {
             return Err(args.error(
-                shared,
                 format!("place: expected a table, found {}", kind(other)),
                 None,
             ));
         }
     };
-    let Purpose::Scene { missing, .. } = shared.purpose else {
+    let Purpose::Scene { missing, .. } = args.shared.purpose else {
         return Ok(LuaValue::Nil);
     };
-    let path = shared.folder.join(&name);
-    let read = shared
-        .watchdog
-        .pause_for(|| load::load_with(&path, missing));
-    let (other, mut notes) = read.map_err(|e| scene_error(shared, args, &e))?;
-    let mut builder = shared.scene.borrow_mut();
+    let path = args.shared.folder.join(&name);
+    let watchdog = &args.shared.watchdog;
+    let read = watchdog.pause_for(|| load::load_with(&path, missing));
+    let (other, mut notes) = read.map_err(|e| args.error(e.to_string(), None))?;
+    let mut builder = args.shared.scene.borrow_mut();
     builder.notes.append(&mut notes);
-    if let Some(material) = text(&fields, "material") {
+    if let Some(material) = fields.text("material") {
         builder
             .requested_materials
             .entry(material.to_owned())
@@ -72,19 +55,14 @@ pub fn import(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, Scr
     Ok(LuaValue::Nil)
 }
 
-/// Returns a text option.
-fn text<'a>(fields: &'a Fields, key: &str) -> Option<&'a str> {
-    fields.values.get(key).and_then(Value::as_str)
-}
-
 /// Adds the materials, entities and lights of another scene under the options of `s:import`.
 fn adopt_scene(builder: &mut SceneBuilder, other: SceneDesc, fields: &Fields, frame: Affine3A) {
-    let prefix = text(fields, "prefix").unwrap_or_default();
-    let material = text(fields, "material");
+    let prefix = fields.text("prefix").unwrap_or_default();
+    let material = fields.text("material");
     let renamed = adopt_materials(builder, other.materials, prefix, material);
     for mut entity in other.entities {
         entity.transform.frame = frame * entity.transform.frame;
-        if let (Some("plane"), ShapeDesc::Mesh(mesh)) = (text(fields, "project"), &entity.shape)
+        if let (Some("plane"), ShapeDesc::Mesh(mesh)) = (fields.text("project"), &entity.shape)
             && mesh.uvs.is_empty()
         {
             entity.shape = ShapeDesc::Mesh(Arc::new(shape::projected(mesh)));
@@ -93,7 +71,7 @@ fn adopt_scene(builder: &mut SceneBuilder, other: SceneDesc, fields: &Fields, fr
         entity.name = builder.names.allocate(&format!("{prefix}{}", entity.name));
         builder.desc.entities.push(entity);
     }
-    if fields.values.get("lights") == Some(&Value::Bool(true)) {
+    if fields.is_true("lights") {
         builder
             .desc
             .lights

@@ -1,57 +1,40 @@
 //! `s:light` and `s:environment`: lights of scenes.
 
-use std::rc::Rc;
-
 use glam::Vec3;
-use mlua::{Lua, Value as LuaValue};
+use mlua::Value as LuaValue;
 
 use super::schema::{ENVIRONMENT, POINT_LIGHT};
-use super::{numbers, texture};
+use super::texture;
 use crate::api::Args;
 use crate::error::ScriptError;
 use crate::kind::kind;
-use crate::state::Shared;
-use crate::strict::{self, Fields};
+use crate::strict::Fields;
 use lumbre_light::scene::desc::{
     ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind,
 };
-use lumbre_light::value::Value;
 use lumbre_light::value::schema::SchemaError;
 
 /// Implements `s:light`: adds a point, directional or spot light.
 ///
 /// # Errors
 /// Returns an error for an invalid combination of options or a duplicate name.
-pub fn light(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let table = args.table(shared, 0, "options")?;
-    let fields = strict::fields(&table, &POINT_LIGHT, "light", false)
-        .map_err(|e| args.locate_error(shared, e))?;
-    let kind = light_kind(shared, args, &fields)?;
-    let mut builder = shared.scene.borrow_mut();
-    let given = fields
-        .values
-        .get("name")
-        .and_then(Value::as_str)
-        .map(str::to_owned);
+pub fn light(args: &Args) -> Result<LuaValue, ScriptError> {
+    let fields = args.fields(0, "options", &POINT_LIGHT, "light")?;
+    let kind = light_kind(args, &fields)?;
+    let mut builder = args.shared.scene.borrow_mut();
+    let given = fields.text("name").map(str::to_owned);
     let name = given.unwrap_or_else(|| format!("light_{}", builder.desc.lights.len() + 1));
     if builder.desc.lights.iter().any(|l| l.name == name) {
-        return Err(args.error(shared, format!("a light `{name}` already exists"), None));
+        return Err(args.error(format!("a light `{name}` already exists"), None));
     }
     builder.desc.lights.push(LightDesc { name, kind });
     Ok(LuaValue::Nil)
 }
 
 /// Returns the kind of a light from the combination of its options.
-fn light_kind(shared: &Shared, args: &Args, fields: &Fields) -> Result<LightKind, ScriptError> {
-    let vector = |key: &str| fields.values.get(key).map(|v| Vec3::from(numbers::<3>(v)));
-    let angle = |key: &str| {
-        fields
-            .values
-            .get(key)
-            .and_then(Value::as_f64)
-            .map(|x| x as f32)
-    };
+fn light_kind(args: &Args, fields: &Fields) -> Result<LightKind, ScriptError> {
+    let vector = |key: &str| fields.numbers(key).map(Vec3::from_array);
+    let angle = |key: &str| fields.f32(key);
     let angles = (angle("cutoff"), angle("beam"));
     Ok(
         match (
@@ -69,7 +52,6 @@ fn light_kind(shared: &Shared, args: &Args, fields: &Fields) -> Result<LightKind
                 };
                 if !cone.is_possible() {
                     return Err(args.error(
-                        shared,
                         "the `beam` of a spot light must not exceed its `cutoff`",
                         None,
                     ));
@@ -84,7 +66,7 @@ fn light_kind(shared: &Shared, args: &Args, fields: &Fields) -> Result<LightKind
             _ if angles != (None, None) => {
                 let problem = "`cutoff` and `beam` apply to spot lights, which need `position`, \
                            `direction` and `intensity`";
-                return Err(args.error(shared, problem, None));
+                return Err(args.error(problem, None));
             }
             (Some(position), Some(intensity), None, None) => LightKind::Point {
                 position,
@@ -97,7 +79,7 @@ fn light_kind(shared: &Shared, args: &Args, fields: &Fields) -> Result<LightKind
             _ => {
                 let problem = "expected `position` and `intensity` (and `direction` for a spot light), \
                            or `direction` and `irradiance`";
-                return Err(args.error(shared, problem, None));
+                return Err(args.error(problem, None));
             }
         },
     )
@@ -107,14 +89,11 @@ fn light_kind(shared: &Shared, args: &Args, fields: &Fields) -> Result<LightKind
 ///
 /// # Errors
 /// Returns an error for invalid options, an unreadable map, or a second environment.
-pub fn environment(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let table = args.table(shared, 0, "options")?;
-    let fields = strict::fields(&table, &ENVIRONMENT, "environment", false)
-        .map_err(|e| args.locate_error(shared, e))?;
-    let source = match (fields.values.get("color"), fields.objects.get("map")) {
-        (Some(color), None) => EnvironmentSource::Color(Vec3::from(numbers::<3>(color))),
-        (None, Some(map)) => match texture::texture_from_value(shared, args, map)? {
+pub fn environment(args: &Args) -> Result<LuaValue, ScriptError> {
+    let fields = args.fields(0, "options", &ENVIRONMENT, "environment")?;
+    let source = match (fields.numbers("color"), fields.objects.get("map")) {
+        (Some(color), None) => EnvironmentSource::Color(Vec3::from_array(color)),
+        (None, Some(map)) => match texture::texture_from_value(args, map)? {
             Some(map) => EnvironmentSource::Map(map.texture),
             None => {
                 let (path, key) = ("environment.map".to_owned(), "map".to_owned());
@@ -122,29 +101,15 @@ pub fn environment(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue
                     "expected a texture or the name of an image, found {}",
                     kind(map)
                 );
-                return Err(args.locate_error(
-                    shared,
-                    SchemaError {
-                        path,
-                        problem,
-                        help: None,
-                        key,
-                    },
-                ));
+                return Err(args.locate_error(SchemaError::new(path, key, problem)));
             }
         },
-        _ => return Err(args.error(shared, "expected either a `color` or a `map`", None)),
+        _ => return Err(args.error("expected either a `color` or a `map`", None)),
     };
-    let number = |key: &str, default: f32| {
-        fields
-            .values
-            .get(key)
-            .and_then(Value::as_f64)
-            .map_or(default, |x| x as f32)
-    };
-    let mut builder = shared.scene.borrow_mut();
+    let number = |key: &str, default: f32| fields.f64(key).map_or(default, |x| x as f32);
+    let mut builder = args.shared.scene.borrow_mut();
     if builder.desc.environment.is_some() {
-        return Err(args.error(shared, "called twice: a scene has one environment", None));
+        return Err(args.error("called twice: a scene has one environment", None));
     }
     let (rotation_deg, scale) = (number("rotation", 0.0), number("scale", 1.0));
     builder.desc.environment = Some(EnvironmentDesc {

@@ -22,7 +22,7 @@ mod texture;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use mlua::{Lua, UserData, Value as LuaValue};
+use mlua::Value as LuaValue;
 
 pub use builder::SceneBuilder;
 pub use chance::SCATTER;
@@ -33,7 +33,7 @@ pub use schema::TABLES as OBJECT_TABLES;
 pub use shape_schema::TABLES as SHAPE_TABLES;
 pub use texture::{LAY, PAINT};
 
-use super::api::{ApiFn, Args};
+use super::api::ApiFn;
 use super::error::{Problem, ScriptError};
 use super::kind::kind;
 use super::source::SourcePlace;
@@ -79,11 +79,7 @@ pub fn read(
         let loaded = loaded.map_err(|e| SceneError::Script(e.to_string()))?;
         return Ok((loaded.scene, loaded.notes));
     }
-    let invalid = |problem| SceneError::Malformed {
-        file: path.to_owned(),
-        place: "scene_options".to_owned(),
-        problem,
-    };
+    let invalid = |problem| SceneError::malformed(path, "scene_options", problem);
     let stage = options.get(STAGE).map(stage).transpose().map_err(invalid)?;
     let others = options.iter().filter(|(name, _)| *name != STAGE);
     let variables = others
@@ -226,32 +222,4 @@ fn finish(
         notes,
         options,
     })
-}
-
-/// Converts an error of the scene module to a script error at the line of the call.
-fn scene_error(shared: &Shared, args: &Args, error: &SceneError) -> ScriptError {
-    args.error(shared, error.to_string(), None)
-}
-
-/// Creates a Lua object.
-fn create_object<T: UserData + 'static>(
-    shared: &Shared,
-    lua: &Lua,
-    value: T,
-) -> Result<LuaValue, ScriptError> {
-    Ok(LuaValue::UserData(
-        lua.create_userdata(value).map_err(|e| shared.convert(&e))?,
-    ))
-}
-
-/// Returns the numbers of a list that was checked against its schema.
-fn numbers<const N: usize>(value: &Value) -> [f32; N] {
-    let item = |i: usize| {
-        value
-            .as_list()
-            .and_then(|l| l.get(i))
-            .and_then(Value::as_f64)
-            .unwrap_or_default()
-    };
-    std::array::from_fn(|i| item(i) as f32)
 }

@@ -1,172 +1,84 @@
 //! `scene {..}` and the methods of scenes for options, cameras and shapes.
 
-use std::rc::Rc;
-
 use glam::Vec3;
-use mlua::{Lua, Value as LuaValue};
+use mlua::Value as LuaValue;
 
 use super::schema::{CAMERA, SCENE};
 use super::shape_object::ShapeObject;
-use super::{import, lighting, material, numbers, part};
-use crate::api::{ApiFn, Args, Param, method_object};
+use super::{import, lighting, material, part};
+use crate::api::{ApiFn, Args, functions, method_object};
 use crate::error::{Problem, ScriptError};
-use crate::state::{Purpose, Shared};
-use crate::strict::{self, Fields};
+use crate::state::Purpose;
+use crate::strict;
 use lumbre_light::scene::desc::{
     CameraDesc, CameraKind, EntityDesc, Optics, ShapeDesc, ViewWindow,
 };
 use lumbre_light::value::Value;
 
-/// Constructor of scenes.
-pub const GLOBALS: &[ApiFn] = &[ApiFn {
-    name: "scene",
-    params: &[Param {
-        name: "options?",
-        ty: "SceneOptions",
-        doc: "Resolution and path depth.",
-    }],
-    returns: "Scene",
-    doc: "Creates a scene. A scene file creates exactly one, calls its methods, and returns it.",
-    call: scene,
-}];
+functions! {
+    /// Constructor of scenes.
+    pub const GLOBALS;
+    "scene" -> "Scene" = scene,
+        "Creates a scene. A scene file creates exactly one, calls its methods, and returns it." {
+        "options?": "SceneOptions", "Resolution and path depth.";
+    }
+}
 
-/// Methods of a scene.
-pub const METHODS: &[ApiFn] = &[
-    ApiFn {
-        name: "s:option",
-        params: &[
-            Param {
-                name: "name",
-                ty: "string",
-                doc: "Name of the option in `scene_options` of a render table.",
-            },
-            Param {
-                name: "values",
-                ty: "any",
-                doc: "List of the accepted strings, numbers or booleans, the default first; or \
-                      only a default, which accepts every value of its kind.",
-            },
-        ],
-        returns: "any",
-        doc: "Declares an option that experiments can set, and returns its value.",
-        call: option,
-    },
-    ApiFn {
-        name: "s:camera",
-        params: &[Param {
-            name: "options",
-            ty: "SceneCamera",
-            doc: "Position, lens and sensor of the camera.",
-        }],
-        returns: "",
-        doc: "Sets the camera, which is used unless a render table chooses a `view`.",
-        call: camera,
-    },
-    ApiFn {
-        name: "s:view",
-        params: &[
-            Param {
-                name: "name",
-                ty: "string",
-                doc: "Name of the view, for `view = NAME` in a render table.",
-            },
-            Param {
-                name: "options",
-                ty: "SceneCamera",
-                doc: "Position, lens and sensor of the camera.",
-            },
-        ],
-        returns: "",
-        doc: "Adds a named camera. The first view is the scene's camera if s:camera is not called.",
-        call: view,
-    },
-    ApiFn {
-        name: "s:material",
-        params: &[
-            Param {
-                name: "name",
-                ty: "string",
-                doc: "Name of the material, for parts and for changes with `set`.",
-            },
-            Param {
-                name: "options",
-                ty: "SceneMaterial",
-                doc: "Parameters and textures.",
-            },
-        ],
-        returns: "",
-        doc: "Adds a material.",
-        call: material::material,
-    },
-    ApiFn {
-        name: "s:add",
-        params: &[Param {
-            name: "part",
-            ty: "Part",
-            doc: "Shape or group with placement and material.",
-        }],
-        returns: "",
-        doc: "Adds a shape or a group to the scene.",
-        call: add,
-    },
-    ApiFn {
-        name: "s:light",
-        params: &[Param {
-            name: "options",
-            ty: "SceneLight",
-            doc: "Position or direction, and intensity.",
-        }],
-        returns: "",
-        doc: "Adds a point, directional or spot light. Surfaces emit light through the `emission` \
-              of their material.",
-        call: lighting::light,
-    },
-    ApiFn {
-        name: "s:environment",
-        params: &[Param {
-            name: "options",
-            ty: "SceneEnvironment",
-            doc: "Colour or map, rotation and scale.",
-        }],
-        returns: "",
-        doc: "Sets the light from the environment. A scene has at most one.",
-        call: lighting::environment,
-    },
-    ApiFn {
-        name: "s:import",
-        params: &[
-            Param {
-                name: "file",
-                ty: "string",
-                doc: "Scene file of any known format, relative to the folder of this file.",
-            },
-            Param {
-                name: "options?",
-                ty: "Import",
-                doc: "Names, materials, placement and lights.",
-            },
-        ],
-        returns: "",
-        doc: "Takes in the entities and materials of another scene file. A material that is \
-              declared before under the same name takes the place of the file's.",
-        call: import::import,
-    },
-];
+functions! {
+    /// Methods of a scene.
+    pub const METHODS;
+    "s:option" -> "any" = option,
+        "Declares an option that experiments can set, and returns its value." {
+        "name": "string", "Name of the option in `scene_options` of a render table.";
+        "values": "any",
+            "List of the accepted strings, numbers or booleans, the default first; or only a \
+             default, which accepts every value of its kind.";
+    }
+    "s:camera" = camera, "Sets the camera, which is used unless a render table chooses a `view`." {
+        "options": "SceneCamera", "Position, lens and sensor of the camera.";
+    }
+    "s:view" = view,
+        "Adds a named camera. The first view is the scene's camera if s:camera is not called." {
+        "name": "string", "Name of the view, for `view = NAME` in a render table.";
+        "options": "SceneCamera", "Position, lens and sensor of the camera.";
+    }
+    "s:material" = material::material, "Adds a material." {
+        "name": "string", "Name of the material, for parts and for changes with `set`.";
+        "options": "SceneMaterial", "Parameters and textures.";
+    }
+    "s:add" = add, "Adds a shape or a group to the scene." {
+        "part": "Part", "Shape or group with placement and material.";
+    }
+    "s:light" = lighting::light,
+        "Adds a point, directional or spot light. Surfaces emit light through the `emission` of \
+         their material." {
+        "options": "SceneLight", "Position or direction, and intensity.";
+    }
+    "s:environment" = lighting::environment,
+        "Sets the light from the environment. A scene has at most one." {
+        "options": "SceneEnvironment", "Colour or map, rotation and scale.";
+    }
+    "s:import" = import::import,
+        "Takes in the entities and materials of another scene file. A material that is declared \
+         before under the same name takes the place of the file's." {
+        "file": "string", "Scene file of any known format, relative to the folder of this file.";
+        "options?": "Import", "Names, materials, placement and lights.";
+    }
+}
 
-fn scene(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    if matches!(shared.purpose, Purpose::Experiment) {
+fn scene(args: &Args) -> Result<LuaValue, ScriptError> {
+    if matches!(args.shared.purpose, Purpose::Experiment) {
         let help = "`lumbre render` renders a scene; an experiment names the scene file in its \
                     render table: scene = \"FILE.lua\""
             .to_owned();
-        return Err(shared
+        return Err(args
+            .shared
             .sources
             .borrow()
             .error(&args.place, Problem::IsScene, Some(help)));
     }
-    if let Some((_, place)) = &shared.scene.borrow().head {
+    if let Some((_, place)) = &args.shared.scene.borrow().head {
         return Err(args.error(
-            shared,
             format!(
                 "a file creates one scene; the first is in line {}",
                 place.line
@@ -174,37 +86,23 @@ fn scene(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, Script
             None,
         ));
     }
-    let fields = match args.get(0) {
-        LuaValue::Nil => Fields::default(),
-        LuaValue::Table(t) => {
-            strict::fields(&t, &SCENE, "scene", false).map_err(|e| args.locate_error(shared, e))?
-        }
-        _ => {
-            return Err(args.wrong(
-                shared,
-                0,
-                "options",
-                "a table such as { resolution = { 1280, 720 } }",
-            ));
-        }
-    };
-    let object = method_object(lua, shared, METHODS, "s").map_err(|e| shared.convert(&e))?;
-    let mut builder = shared.scene.borrow_mut();
-    if let Some(value) = fields.values.get("resolution") {
-        builder.desc.resolution = numbers::<2>(value).map(|n| n as u32);
+    let fields = args.options(0, &SCENE, "scene", "{ resolution = { 1280, 720 } }")?;
+    let object = method_object(&args.lua, &args.shared, METHODS, "s")
+        .map_err(|e| args.shared.convert(&e))?;
+    let mut builder = args.shared.scene.borrow_mut();
+    if let Some(resolution) = fields.numbers("resolution") {
+        builder.desc.resolution = resolution.map(|n| n as u32);
     }
-    if let Some(depth) = fields.values.get("max_depth").and_then(Value::as_i64) {
+    if let Some(depth) = fields.i64("max_depth") {
         builder.desc.max_depth = depth as u32;
     }
     builder.head = Some((object.clone(), args.place.clone()));
     Ok(LuaValue::Table(object))
 }
 
-fn option(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 2)?;
-    let name = args.text(shared, 0, "name")?;
-    let values =
-        strict::read(&args.get(1), "values", "").map_err(|e| args.locate_error(shared, e))?;
+fn option(args: &Args) -> Result<LuaValue, ScriptError> {
+    let name = args.text(0, "name")?;
+    let values = strict::read(&args.get(1), "values", "").map_err(|e| args.locate_error(e))?;
     let choices: &[Value] = values.as_list().unwrap_or(std::slice::from_ref(&values));
     let plain = |v: &Value| {
         matches!(
@@ -214,7 +112,6 @@ fn option(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, Scrip
     };
     let Some(default) = choices.first().filter(|_| choices.iter().all(plain)) else {
         return Err(args.wrong(
-            shared,
             1,
             "values",
             "strings, numbers or booleans, the default first",
@@ -227,16 +124,17 @@ fn option(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, Scrip
     } else {
         format!("{} such as {default}", default.kind())
     };
-    if shared
+    if args
+        .shared
         .scene
         .borrow_mut()
         .options
         .insert(name.clone(), accepted.clone())
         .is_some()
     {
-        return Err(args.error(shared, format!("`{name}` is declared twice"), None));
+        return Err(args.error(format!("`{name}` is declared twice"), None));
     }
-    let Purpose::Scene { options, .. } = &shared.purpose else {
+    let Purpose::Scene { options, .. } = &args.shared.purpose else {
         return Ok(LuaValue::Nil);
     };
     let chosen = options.get(&name).unwrap_or(default);
@@ -249,41 +147,27 @@ fn option(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, Scrip
     };
     if !fits {
         let problem = format!("scene_options.{name} is {chosen}: expected {accepted}");
-        return Err(args.error(shared, problem, None));
+        return Err(args.error(problem, None));
     }
-    crate::hooks::to_lua(lua, chosen).map_err(|e| shared.convert(&e))
+    crate::hooks::to_lua(&args.lua, chosen).map_err(|e| args.shared.convert(&e))
 }
 
 /// Converts argument `index`, the options of a camera.
-fn read_camera(shared: &Shared, args: &Args, index: usize) -> Result<CameraDesc, ScriptError> {
-    let table = args.table(shared, index, "options")?;
-    let fields = strict::fields(&table, &CAMERA, "camera", false)
-        .map_err(|e| args.locate_error(shared, e))?;
-    let point = |key: &str, default: Vec3| {
-        fields
-            .values
-            .get(key)
-            .map_or(default, |v| Vec3::from(numbers::<3>(v)))
-    };
-    let number = |key: &str| {
-        fields
-            .values
-            .get(key)
-            .and_then(Value::as_f64)
-            .map(|x| x as f32)
-    };
+fn read_camera(args: &Args, index: usize) -> Result<CameraDesc, ScriptError> {
+    let fields = args.fields(index, "options", &CAMERA, "camera")?;
+    let point = |key: &str| fields.numbers(key).map(Vec3::from_array);
+    let number = |key: &str| fields.f32(key);
     let defaults = CameraDesc::default();
-    let kind = fields.values.get("kind").and_then(Value::as_str);
+    let kind = fields.text("kind");
     let camera = CameraDesc {
         kind: kind.and_then(CameraKind::from_name).unwrap_or_default(),
-        position: point("position", Vec3::Z),
-        target: point("target", Vec3::ZERO),
-        up: point("up", Vec3::Y),
+        position: point("position").unwrap_or(Vec3::Z),
+        target: point("target").unwrap_or(Vec3::ZERO),
+        up: point("up").unwrap_or(Vec3::Y),
         view_height: number("view_height").unwrap_or(defaults.view_height),
         window: fields
-            .values
-            .get("window")
-            .map_or(defaults.window, |v| ViewWindow::from_array(numbers::<4>(v))),
+            .numbers("window")
+            .map_or(defaults.window, ViewWindow::from_array),
         focus_distance: number("focus_distance"),
         optics: Optics::pinhole(number("fov").unwrap_or(defaults.view_deg()))
             .with_aperture(number("aperture").unwrap_or(0.0))
@@ -305,52 +189,41 @@ fn read_camera(shared: &Shared, args: &Args, index: usize) -> Result<CameraDesc,
     ];
     if let Some((a, b, _)) = conflicts.into_iter().find(|(_, _, both)| *both) {
         return Err(args.error(
-            shared,
             format!("`{a}` and `{b}` determine the same quantity: remove one of them"),
             None,
         ));
     }
     if camera.lacks_focal_length() {
         let help = Some("add one of them, or give the lens diameter as `aperture`".to_owned());
-        return Err(args.error(
-            shared,
-            "`f_number` needs `focal_length` or `sensor_height`",
-            help,
-        ));
+        return Err(args.error("`f_number` needs `focal_length` or `sensor_height`", help));
     }
     if let Some([problem, help]) = camera.lens_problem() {
-        return Err(args.error(shared, problem, Some(help)));
+        return Err(args.error(problem, Some(help)));
     }
     if let Some(problem) = camera.window_problem() {
-        return Err(args.error(shared, problem, None));
+        return Err(args.error(problem, None));
     }
     Ok(camera)
 }
 
-fn camera(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let camera = read_camera(shared, args, 0)?;
-    let mut builder = shared.scene.borrow_mut();
+fn camera(args: &Args) -> Result<LuaValue, ScriptError> {
+    let camera = read_camera(args, 0)?;
+    let mut builder = args.shared.scene.borrow_mut();
     if let Some(place) = &builder.camera {
         let problem = format!("the camera is already set in line {}", place.line);
-        return Err(args.error(
-            shared,
-            problem,
-            Some("add further cameras with s:view".to_owned()),
-        ));
+        return Err(args.error(problem, Some("add further cameras with s:view".to_owned())));
     }
     builder.desc.camera = camera;
     builder.camera = Some(args.place.clone());
     Ok(LuaValue::Nil)
 }
 
-fn view(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 2)?;
-    let name = args.text(shared, 0, "name")?;
-    let camera = read_camera(shared, args, 1)?;
-    let mut builder = shared.scene.borrow_mut();
+fn view(args: &Args) -> Result<LuaValue, ScriptError> {
+    let name = args.text(0, "name")?;
+    let camera = read_camera(args, 1)?;
+    let mut builder = args.shared.scene.borrow_mut();
     if builder.desc.views.iter().any(|(known, _)| *known == name) {
-        return Err(args.error(shared, format!("a view `{name}` already exists"), None));
+        return Err(args.error(format!("a view `{name}` already exists"), None));
     }
     if builder.camera.is_none() {
         builder.desc.camera = camera.clone();
@@ -360,11 +233,10 @@ fn view(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptErr
     Ok(LuaValue::Nil)
 }
 
-fn add(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let table = args.table(shared, 0, "part")?;
-    let part = part::read(shared, args, &table, "part")?;
-    let mut builder = shared.scene.borrow_mut();
+fn add(args: &Args) -> Result<LuaValue, ScriptError> {
+    let table = args.table(0, "part")?;
+    let part = part::read(args, &table, "part")?;
+    let mut builder = args.shared.scene.borrow_mut();
     for leaf in part.leaves() {
         let Some(material) = leaf.material.clone() else {
             let owner = if leaf.names.is_empty() {
@@ -373,7 +245,7 @@ fn add(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptErro
                 format!(" of `{}`", leaf.names.join("/"))
             };
             let help = Some("set material = NAME in the part or in its group".to_owned());
-            return Err(args.error(shared, format!("a shape{owner} has no material"), help));
+            return Err(args.error(format!("a shape{owner} has no material"), help));
         };
         builder
             .requested_materials
@@ -400,7 +272,6 @@ fn add(shared: &Rc<Shared>, _: &Lua, args: &Args) -> Result<LuaValue, ScriptErro
         if matches!(shape, ShapeDesc::Sphere { .. }) && transform.sphere_scale().is_none() {
             let help = Some("use shape.ball, a mesh that can be stretched".to_owned());
             return Err(args.error(
-                shared,
                 format!("the analytic sphere `{name}` is scaled non-uniformly by its group"),
                 help,
             ));

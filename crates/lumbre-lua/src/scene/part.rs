@@ -4,49 +4,31 @@
 use std::rc::Rc;
 
 use glam::{Affine3A, EulerRot, Quat, Vec3};
-use mlua::{Lua, UserData, UserDataFields, Value as LuaValue};
+use mlua::{UserData, UserDataFields, Value as LuaValue};
 
 use super::shape_object::ShapeObject;
-use super::{create_object, numbers};
-use crate::api::{ApiFn, Args, Param};
+use crate::api::{ApiFn, Args, functions};
 use crate::error::ScriptError;
 use crate::kind::{KIND, kind};
-use crate::state::Shared;
-use crate::strict::{self, Fields};
+use crate::strict::{self, Fields, numbers};
+use lumbre_light::field;
 use lumbre_light::scene::desc::Transform;
-use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
 use lumbre_scene_io::names::UniqueNames;
 
 /// Largest number of shapes in nested groups.
 const MAX_LEAVES: usize = 1 << 22;
 
-const NUMBERS_3: Ty = Ty::Nums {
-    len: 3,
-    min: -1e9,
-    max: 1e9,
-};
+const NUMBERS_3: Ty = Ty::nums(3, -1e9, 1e9);
 
-const AT: Field = Field {
-    key: "at",
-    ty: NUMBERS_3,
-    required: false,
-    default: "{ 0, 0, 0 }",
-    doc: "position of its origin, in scene units",
+const AT: Field = field!(at = "{ 0, 0, 0 }": NUMBERS_3, "position of its origin, in scene units");
+const ROTATE: Field = field! {
+    rotate = "0": Ty::Any("number|number[]"),
+        "rotation in degrees: about +y, or { x, y, z } about the three axes"
 };
-const ROTATE: Field = Field {
-    key: "rotate",
-    ty: Ty::Any("number|number[]"),
-    required: false,
-    default: "0",
-    doc: "rotation in degrees: about +y, or { x, y, z } about the three axes",
-};
-const SCALE: Field = Field {
-    key: "scale",
-    ty: Ty::Any("number|number[]"),
-    required: false,
-    default: "1",
-    doc: "scale factor, or one for each of x, y and z; a negative factor mirrors",
+const SCALE: Field = field! {
+    scale = "1": Ty::Any("number|number[]"),
+        "scale factor, or one for each of x, y and z; a negative factor mirrors"
 };
 
 /// Placement without a shape.
@@ -62,54 +44,35 @@ pub const PART: Table = Table {
     doc: "Shape or group with a placement: scaled first, then rotated about z, y and x, then \
           moved.",
     fields: &[
-        Field {
-            key: "shape",
-            ty: Ty::Object("Shape|Group"),
-            required: true,
-            default: "",
-            doc: "shape or group",
+        field!(shape: Ty::Object("Shape|Group"), "shape or group"),
+        field! {
+            name = "the material's, with a number": Ty::Str,
+                "name for changes with `set`: entities.NAME.position, or \
+                 entities.GROUP/NAME.position for a part of a group"
         },
-        Field {
-            key: "name",
-            ty: Ty::Str,
-            required: false,
-            default: "the material's, with a number",
-            doc: "name for changes with `set`: entities.NAME.position, or \
-                  entities.GROUP/NAME.position for a part of a group",
-        },
-        Field {
-            key: "material",
-            ty: Ty::Str,
-            required: false,
-            default: "the group's",
-            doc: "name of its material; the material of a group applies to its parts without one",
+        field! {
+            material = "the group's": Ty::Str,
+                "name of its material; the material of a group applies to its parts without one"
         },
         AT,
         ROTATE,
         SCALE,
-        Field {
-            key: "anisotropic_direction",
-            ty: NUMBERS_3,
-            required: false,
-            default: "the material's",
-            doc: "world-space direction along which highlights are stretched",
+        field! {
+            anisotropic_direction = "the material's": NUMBERS_3,
+                "world-space direction along which highlights are stretched"
         },
     ],
 };
 
-/// Constructor of groups.
-pub const GLOBALS: &[ApiFn] = &[ApiFn {
-    name: "group",
-    params: &[Param {
-        name: "parts",
-        ty: "Part[]",
-        doc: "List of shapes and groups, each with its placement.",
-    }],
-    returns: "Group",
-    doc: "Combines parts to a group that can be added any number of times; its meshes are stored \
-          once.",
-    call: group,
-}];
+functions! {
+    /// Constructor of groups.
+    pub const GLOBALS;
+    "group" -> "Group" = group,
+        "Combines parts to a group that can be added any number of times; its meshes are stored \
+         once." {
+        "parts": "Part[]", "List of shapes and groups, each with its placement.";
+    }
+}
 
 /// Shape or group with a placement.
 #[derive(Clone, Debug)]
@@ -265,21 +228,19 @@ pub fn name(names: &mut UniqueNames, leaf: &Leaf) -> String {
 ///
 /// # Errors
 /// Returns an error for an empty list or an invalid part.
-pub fn list(shared: &Shared, args: &Args) -> Result<Vec<ScenePart>, ScriptError> {
-    args.at_most(shared, 1)?;
-    let table = args.table(shared, 0, "parts")?;
+pub fn list(args: &Args) -> Result<Vec<ScenePart>, ScriptError> {
+    let table = args.table(0, "parts")?;
     let items: Vec<LuaValue> = table
         .sequence_values::<LuaValue>()
         .collect::<Result<_, _>>()
-        .map_err(|e| shared.convert(&e))?;
+        .map_err(|e| args.shared.convert(&e))?;
     if items.is_empty() {
         let help = "write the parts as a list: { { shape = .. }, { shape = .. } }".to_owned();
-        return Err(args.error(shared, "expected a list of parts, found none", Some(help)));
+        return Err(args.error("expected a list of parts, found none", Some(help)));
     }
     let read_item = |(i, item): (usize, &LuaValue)| match item {
-        LuaValue::Table(t) => read(shared, args, t, &format!("part[{}]", i + 1)),
+        LuaValue::Table(t) => read(args, t, &format!("part[{}]", i + 1)),
         other => Err(args.error(
-            shared,
             format!("part[{}]: expected a table, found {}", i + 1, kind(other)),
             None,
         )),
@@ -291,25 +252,11 @@ pub fn list(shared: &Shared, args: &Args) -> Result<Vec<ScenePart>, ScriptError>
 ///
 /// # Errors
 /// Returns an error for an invalid field, or for a non-uniform scale of an analytic sphere.
-pub fn read(
-    shared: &Shared,
-    args: &Args,
-    table: &mlua::Table,
-    path: &str,
-) -> Result<ScenePart, ScriptError> {
-    let fields =
-        strict::fields(table, &PART, path, false).map_err(|e| args.locate_error(shared, e))?;
+pub fn read(args: &Args, table: &mlua::Table, path: &str) -> Result<ScenePart, ScriptError> {
+    let fields = strict::fields(table, &PART, path, false).map_err(|e| args.locate_error(e))?;
     let fail = |key: &str, problem: String| {
         let path = format!("{path}.{key}");
-        Err(args.locate_error(
-            shared,
-            SchemaError {
-                path,
-                problem,
-                help: None,
-                key: key.to_owned(),
-            },
-        ))
+        Err(args.locate_error(SchemaError::new(path, key, problem)))
     };
     let shape = fields
         .objects
@@ -320,7 +267,7 @@ pub fn read(
         (Some(shape), _) => PartContent::Shape(shape),
         (None, LuaValue::UserData(data)) if data.is::<GroupObject>() => PartContent::Group(
             data.borrow::<GroupObject>()
-                .map_err(|e| shared.convert(&e))?
+                .map_err(|e| args.shared.convert(&e))?
                 .clone(),
         ),
         _ => {
@@ -330,14 +277,8 @@ pub fn read(
             );
         }
     };
-    let text = |key: &str| {
-        fields
-            .values
-            .get(key)
-            .and_then(Value::as_str)
-            .map(str::to_owned)
-    };
-    let place = placement(&fields, path).map_err(|e| args.locate_error(shared, e))?;
+    let text = |key: &str| fields.text(key).map(str::to_owned);
+    let place = placement(&fields, path).map_err(|e| args.locate_error(e))?;
     let even = place.scale.abs().min_element() == place.scale.abs().max_element();
     if matches!(&content, PartContent::Shape(ShapeObject::Sphere(_))) && !even {
         return fail(
@@ -358,30 +299,21 @@ pub fn read(
 ///
 /// # Errors
 /// Returns an error for an invalid field.
-pub fn frame(
-    shared: &Shared,
-    args: &Args,
-    table: &mlua::Table,
-    path: &str,
-) -> Result<Affine3A, ScriptError> {
+pub fn frame(args: &Args, table: &mlua::Table, path: &str) -> Result<Affine3A, ScriptError> {
     let read = || placement(&strict::fields(table, &PLACE, path, false)?, path);
     read()
         .map(|place| place.matrix())
-        .map_err(|e| args.locate_error(shared, e))
+        .map_err(|e| args.locate_error(e))
 }
 
 fn vector(fields: &Fields, key: &str) -> Option<Vec3> {
-    fields.values.get(key).map(|v| Vec3::from(numbers::<3>(v)))
+    fields.numbers(key).map(Vec3::from_array)
 }
 
 /// Converts the placement of a part.
 fn placement(fields: &Fields, path: &str) -> Result<Placement, SchemaError> {
-    let wrong = |key: &str, problem: String| SchemaError {
-        path: format!("{path}.{key}"),
-        problem,
-        help: None,
-        key: key.to_owned(),
-    };
+    let wrong =
+        |key: &str, problem: String| SchemaError::new(format!("{path}.{key}"), key, problem);
     let three = |key: &str, one: fn(f32) -> Vec3, otherwise: Vec3| match fields.values.get(key) {
         None => Ok(otherwise),
         Some(value) => match (value.as_f64(), value) {
@@ -411,24 +343,19 @@ fn placement(fields: &Fields, path: &str) -> Result<Placement, SchemaError> {
     })
 }
 
-fn group(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    let parts = list(shared, args)?;
+fn group(args: &Args) -> Result<LuaValue, ScriptError> {
+    let parts = list(args)?;
     let leaves = parts
         .iter()
         .fold(0usize, |sum, part| sum.saturating_add(part.leaf_count()));
     if leaves > MAX_LEAVES {
         return Err(args.error(
-            shared,
             format!("the group contains {leaves} shapes; at most {MAX_LEAVES} are allowed"),
             None,
         ));
     }
-    create_object(
-        shared,
-        lua,
-        GroupObject {
-            parts: Rc::new(parts),
-            leaves,
-        },
-    )
+    args.object(GroupObject {
+        parts: Rc::new(parts),
+        leaves,
+    })
 }

@@ -1,26 +1,23 @@
 //! Constructors of shapes, `shape.NAME`: one function for each shape of [`lumbre_light::scene::shape`],
 //! and `shape.join`.
 
-use std::rc::Rc;
-
 use glam::{Vec2, Vec3};
-use mlua::{Lua, Value as LuaValue};
+use mlua::Value as LuaValue;
 
+use super::part;
 use super::shape_object::ShapeObject;
 use super::shape_schema::{
     BALL, BOX, CYLINDER, DISK, EXTRUDE, GRID, HEIGHTFIELD, LATHE, MESH, SPHERE, TORUS, TUBE,
 };
-use super::{create_object, numbers, part};
 use crate::api::{ApiFn, Args, Param};
 use crate::error::ScriptError;
-use crate::state::Shared;
-use crate::strict::{self, Fields};
+use crate::strict::{Fields, numbers};
 use lumbre_light::scene::shape::{self, Shape, ShapeError};
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{SchemaError, Table};
+use lumbre_light::value::schema::SchemaError;
 
 macro_rules! rows {
-    ($($name:literal, $table:ident, $make:ident, $doc:literal;)*) => {
+    ($($name:literal, $table:ident, $make:expr, $doc:literal;)*) => {
         /// Constructors of shapes.
         pub const GLOBALS: &[ApiFn] = &[
             $(ApiFn {
@@ -28,10 +25,10 @@ macro_rules! rows {
                 params: &[Param { name: "options", ty: $table.name, doc: "Dimensions in scene units." }],
                 returns: "Shape",
                 doc: $doc,
-                call: |shared, lua, args| {
-                    let fields = options(shared, args, &$table, concat!("shape.", $name))?;
-                    let shape = $make(shared, args, &fields)?;
-                    create_object(shared, lua, shape)
+                call: |args| {
+                    let fields = args.fields(0, "options", &$table, concat!("shape.", $name))?;
+                    let make: fn(&Args, &Fields) -> Result<ShapeObject, ScriptError> = $make;
+                    args.object(make(args, &fields)?)
                 },
             },)*
             ApiFn {
@@ -46,117 +43,83 @@ macro_rules! rows {
 }
 
 rows! {
-    "box", BOX, make_box, "Returns a box with sharp or rounded edges.";
+    "box", BOX, |args, f| mesh(args, make_box(f)), "Returns a box with sharp or rounded edges.";
     "sphere", SPHERE, make_sphere, "Returns an analytic sphere, which has no triangles.";
-    "ball", BALL, make_ball, "Returns a sphere of triangles.";
-    "grid", GRID, make_grid, "Returns a rectangle of quads that faces +y.";
-    "disk", DISK, make_disk, "Returns a disk that faces +y.";
-    "heightfield", HEIGHTFIELD, make_heightfield, "Returns a rectangle with heights, such as a landscape.";
-    "lathe", LATHE, make_lathe, "Returns a surface of revolution, such as a vase or a column.";
-    "cylinder", CYLINDER, make_cylinder, "Returns a closed cylinder or cone.";
-    "tube", TUBE, make_tube, "Returns a tube along a line.";
-    "torus", TORUS, make_torus, "Returns a torus.";
-    "extrude", EXTRUDE, make_extrude, "Returns an extruded outline.";
+    "ball", BALL, |args, f| mesh(args, make_ball(f)), "Returns a sphere of triangles.";
+    "grid", GRID, |args, f| mesh(args, make_grid(f)), "Returns a rectangle of quads that faces +y.";
+    "disk", DISK, |args, f| mesh(args, make_disk(f)), "Returns a disk that faces +y.";
+    "heightfield", HEIGHTFIELD, make_heightfield,
+        "Returns a rectangle with heights, such as a landscape.";
+    "lathe", LATHE, |args, f| mesh(args, make_lathe(f)),
+        "Returns a surface of revolution, such as a vase or a column.";
+    "cylinder", CYLINDER, |args, f| mesh(args, make_cylinder(f)),
+        "Returns a closed cylinder or cone.";
+    "tube", TUBE, |args, f| mesh(args, make_tube(f)), "Returns a tube along a line.";
+    "torus", TORUS, |args, f| mesh(args, make_torus(f)), "Returns a torus.";
+    "extrude", EXTRUDE, |args, f| mesh(args, make_extrude(f)), "Returns an extruded outline.";
     "mesh", MESH, make_mesh, "Returns a mesh of the given triangles.";
 }
 
-/// Returns the only argument of a constructor, checked against its schema.
-fn options(shared: &Shared, args: &Args, table: &Table, path: &str) -> Result<Fields, ScriptError> {
-    args.at_most(shared, 1)?;
-    let given = args.table(shared, 0, "options")?;
-    strict::fields(&given, table, path, false).map_err(|e| args.locate_error(shared, e))
-}
-
-/// Result of a constructor.
-type ShapeResult = Result<ShapeObject, ScriptError>;
-
-/// Converts the result of a shape function to a Lua object or an error of the call.
-fn shape_result(shared: &Shared, args: &Args, shape: Result<Shape, ShapeError>) -> ShapeResult {
+/// Returns the object of a mesh, or the error of the call.
+fn mesh(args: &Args, shape: Result<Shape, ShapeError>) -> Result<ShapeObject, ScriptError> {
     shape
         .map(ShapeObject::new)
-        .map_err(|e| args.error(shared, e.to_string(), None))
+        .map_err(|e| args.error(e.to_string(), None))
 }
 
 fn number(fields: &Fields, key: &str, default: f32) -> f32 {
-    fields
-        .values
-        .get(key)
-        .and_then(Value::as_f64)
-        .map_or(default, |x| x as f32)
+    fields.f32(key).unwrap_or(default)
 }
 
 fn count(fields: &Fields, key: &str, default: u32) -> u32 {
     fields
-        .values
-        .get(key)
-        .and_then(Value::as_i64)
+        .i64(key)
         .map_or(default, |n| n.clamp(0, i64::from(u32::MAX)) as u32)
 }
 
 fn vector<const N: usize>(fields: &Fields, key: &str, default: [f32; N]) -> [f32; N] {
-    fields.values.get(key).map_or(default, numbers)
+    fields.numbers(key).unwrap_or(default)
 }
 
-fn points<const N: usize>(fields: &Fields, key: &str) -> Vec<[f32; N]> {
-    fields
-        .values
-        .get(key)
-        .and_then(Value::as_list)
-        .unwrap_or_default()
-        .iter()
-        .map(numbers)
-        .collect()
+fn points<const N: usize, V: From<[f32; N]>>(fields: &Fields, key: &str) -> Vec<V> {
+    let items = fields.values.get(key).and_then(Value::as_list);
+    let items = items.unwrap_or_default().iter();
+    items.map(|item| V::from(numbers(item))).collect()
 }
 
 fn integers<const N: usize>(fields: &Fields, key: &str, default: [f32; N]) -> [u32; N] {
     vector(fields, key, default).map(|x| x as u32)
 }
 
-fn make_box(shared: &Shared, args: &Args, f: &Fields) -> ShapeResult {
+fn make_box(f: &Fields) -> Result<Shape, ShapeError> {
     let size = Vec3::from(vector(f, "size", [1.0; 3]));
-    shape_result(
-        shared,
-        args,
-        shape::cuboid(size, number(f, "bevel", 0.0), count(f, "segments", 3)),
-    )
+    shape::cuboid(size, number(f, "bevel", 0.0), count(f, "segments", 3))
 }
 
-fn make_sphere(_: &Shared, _: &Args, f: &Fields) -> ShapeResult {
+fn make_sphere(_: &Args, f: &Fields) -> Result<ShapeObject, ScriptError> {
     Ok(ShapeObject::Sphere(number(f, "radius", 1.0)))
 }
 
-fn make_ball(shared: &Shared, args: &Args, f: &Fields) -> ShapeResult {
-    shape_result(
-        shared,
-        args,
-        shape::icosphere(number(f, "radius", 1.0), count(f, "splits", 4)),
+fn make_ball(f: &Fields) -> Result<Shape, ShapeError> {
+    shape::icosphere(number(f, "radius", 1.0), count(f, "splits", 4))
+}
+
+fn make_grid(f: &Fields) -> Result<Shape, ShapeError> {
+    shape::grid(
+        Vec2::from(vector(f, "size", [1.0; 2])),
+        integers(f, "cells", [1.0; 2]),
     )
 }
 
-fn make_grid(shared: &Shared, args: &Args, f: &Fields) -> ShapeResult {
-    shape_result(
-        shared,
-        args,
-        shape::grid(
-            Vec2::from(vector(f, "size", [1.0; 2])),
-            integers(f, "cells", [1.0; 2]),
-        ),
-    )
+fn make_disk(f: &Fields) -> Result<Shape, ShapeError> {
+    shape::disk(number(f, "radius", 1.0), count(f, "segments", 48))
 }
 
-fn make_disk(shared: &Shared, args: &Args, f: &Fields) -> ShapeResult {
-    shape_result(
-        shared,
-        args,
-        shape::disk(number(f, "radius", 1.0), count(f, "segments", 48)),
-    )
-}
-
-fn make_heightfield(shared: &Shared, args: &Args, f: &Fields) -> ShapeResult {
+fn make_heightfield(args: &Args, f: &Fields) -> Result<ShapeObject, ScriptError> {
     let size = vector(f, "size", [1.0; 2]);
     let cells: [u32; 2] = integers(f, "cells", [1.0; 2]);
     let Some(LuaValue::Function(height)) = f.objects.get("height") else {
-        return Err(args.error(shared, "height: expected a function of x and z", None));
+        return Err(args.error("height: expected a function of x and z", None));
     };
     let place = |i: u32, along: usize| {
         (f64::from(i) / f64::from(cells[along]) - 0.5) * f64::from(size[along])
@@ -166,45 +129,27 @@ fn make_heightfield(shared: &Shared, args: &Args, f: &Fields) -> ShapeResult {
         for x in 0..=cells[0] {
             let value: f64 = height
                 .call((place(x, 0), place(z, 1)))
-                .map_err(|e| shared.convert(&e))?;
+                .map_err(|e| args.shared.convert(&e))?;
             heights.push(value as f32);
         }
     }
-    shape_result(
-        shared,
-        args,
-        shape::heightfield(Vec2::from(size), cells, &heights),
-    )
+    mesh(args, shape::heightfield(Vec2::from(size), cells, &heights))
 }
 
-fn make_lathe(shared: &Shared, args: &Args, f: &Fields) -> ShapeResult {
-    let profile: Vec<Vec2> = points(f, "profile")
-        .into_iter()
-        .map(Vec2::from_array)
-        .collect();
-    shape_result(
-        shared,
-        args,
-        shape::lathe(&profile, count(f, "segments", 48)),
-    )
+fn make_lathe(f: &Fields) -> Result<Shape, ShapeError> {
+    let profile: Vec<Vec2> = points(f, "profile");
+    shape::lathe(&profile, count(f, "segments", 48))
 }
 
-fn make_cylinder(shared: &Shared, args: &Args, f: &Fields) -> ShapeResult {
+fn make_cylinder(f: &Fields) -> Result<Shape, ShapeError> {
     let (radius, height) = (number(f, "radius", 1.0), number(f, "height", 1.0));
     let top = number(f, "top", radius);
     let profile = [(0.0, 0.0), (radius, 0.0), (top, height), (0.0, height)].map(Vec2::from);
-    shape_result(
-        shared,
-        args,
-        shape::lathe(&profile, count(f, "segments", 48)),
-    )
+    shape::lathe(&profile, count(f, "segments", 48))
 }
 
-fn make_tube(shared: &Shared, args: &Args, f: &Fields) -> ShapeResult {
-    let line: Vec<Vec3> = points(f, "points")
-        .into_iter()
-        .map(Vec3::from_array)
-        .collect();
+fn make_tube(f: &Fields) -> Result<Shape, ShapeError> {
+    let line: Vec<Vec3> = points(f, "points");
     let radii = match f.values.get("radius") {
         Some(Value::List(each)) => each
             .iter()
@@ -213,82 +158,53 @@ fn make_tube(shared: &Shared, args: &Args, f: &Fields) -> ShapeResult {
             .collect(),
         _ => vec![number(f, "radius", 1.0); line.len()],
     };
-    let closed = f.values.get("closed") == Some(&Value::Bool(true));
-    shape_result(
-        shared,
-        args,
-        shape::tube(&line, &radii, count(f, "segments", 12), closed),
-    )
+    let closed = f.is_true("closed");
+    shape::tube(&line, &radii, count(f, "segments", 12), closed)
 }
 
-fn make_torus(shared: &Shared, args: &Args, f: &Fields) -> ShapeResult {
+fn make_torus(f: &Fields) -> Result<Shape, ShapeError> {
     let segments = integers(f, "segments", [48.0, 16.0]);
-    shape_result(
-        shared,
-        args,
-        shape::torus(number(f, "major", 1.0), number(f, "minor", 0.25), segments),
-    )
+    shape::torus(number(f, "major", 1.0), number(f, "minor", 0.25), segments)
 }
 
-fn make_extrude(shared: &Shared, args: &Args, f: &Fields) -> ShapeResult {
-    let outline: Vec<Vec2> = points(f, "outline")
-        .into_iter()
-        .map(Vec2::from_array)
-        .collect();
-    shape_result(
-        shared,
-        args,
-        shape::extrude(&outline, number(f, "depth", 1.0)),
-    )
+fn make_extrude(f: &Fields) -> Result<Shape, ShapeError> {
+    let outline: Vec<Vec2> = points(f, "outline");
+    shape::extrude(&outline, number(f, "depth", 1.0))
 }
 
-fn make_mesh(shared: &Shared, args: &Args, f: &Fields) -> ShapeResult {
-    let unit = |n: [f32; 3]| Vec3::from_array(n).try_normalize();
-    let normals: Option<Vec<Vec3>> = points(f, "normals").into_iter().map(unit).collect();
+fn make_mesh(args: &Args, f: &Fields) -> Result<ShapeObject, ScriptError> {
+    let normals: Vec<Vec3> = points(f, "normals");
+    let normals: Option<Vec<Vec3>> = normals.into_iter().map(Vec3::try_normalize).collect();
     let Some(normals) = normals else {
-        let error = SchemaError {
-            path: "shape.mesh.normals".to_owned(),
-            problem: "a normal is zero or not finite".to_owned(),
-            help: None,
-            key: "normals".to_owned(),
-        };
-        return Err(args.locate_error(shared, error));
+        let error = SchemaError::new(
+            "shape.mesh.normals",
+            "normals",
+            "a normal is zero or not finite",
+        );
+        return Err(args.locate_error(error));
     };
     let shape = Shape {
-        positions: points(f, "positions")
-            .into_iter()
-            .map(Vec3::from_array)
-            .collect(),
+        positions: points(f, "positions"),
         normals,
-        uvs: points(f, "uvs").into_iter().map(Vec2::from_array).collect(),
-        second_uvs: points(f, "second_uvs")
-            .into_iter()
-            .map(Vec2::from_array)
-            .collect(),
-        colors: points(f, "colors")
-            .into_iter()
-            .map(Vec3::from_array)
-            .collect(),
-        triangles: points::<3>(f, "triangles")
+        uvs: points(f, "uvs"),
+        second_uvs: points(f, "second_uvs"),
+        colors: points(f, "colors"),
+        triangles: points::<3, [f32; 3]>(f, "triangles")
             .into_iter()
             .map(|t| t.map(|c| c as u32 - 1))
             .collect(),
         ..Shape::default()
     };
-    shape_result(shared, args, shape.checked())
+    mesh(args, shape.checked())
 }
 
-fn join(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
+fn join(args: &Args) -> Result<LuaValue, ScriptError> {
     let mut joined = Shape::default();
-    for part in part::list(shared, args)? {
+    for part in part::list(args)? {
         for leaf in part.leaves() {
             let ShapeObject::Mesh(mesh) = &leaf.shape else {
                 let help = "use shape.ball, a sphere of triangles".to_owned();
-                return Err(args.error(
-                    shared,
-                    "an analytic sphere cannot be joined to a mesh",
-                    Some(help),
-                ));
+                return Err(args.error("an analytic sphere cannot be joined to a mesh", Some(help)));
             };
             let copy = Shape {
                 positions: mesh.positions.clone(),
@@ -302,11 +218,11 @@ fn join(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptE
             let moved = copy
                 .transformed(&leaf.frame)
                 .and_then(|shape| joined.append(shape));
-            moved.map_err(|e| args.error(shared, e.to_string(), None))?;
+            moved.map_err(|e| args.error(e.to_string(), None))?;
         }
     }
     if joined.triangles.is_empty() {
-        return Err(args.error(shared, "there are no shapes to join", None));
+        return Err(args.error("there are no shapes to join", None));
     }
-    create_object(shared, lua, ShapeObject::new(joined))
+    args.object(ShapeObject::new(joined))
 }

@@ -1,157 +1,59 @@
 //! Textures of scenes: image files, and pictures that a Lua function computes.
 
-use std::rc::Rc;
 use std::sync::Arc;
 
 use glam::{Affine2, Vec2};
-use mlua::{Lua, UserData, UserDataFields, Value as LuaValue, Variadic};
+use mlua::{UserData, UserDataFields, Value as LuaValue, Variadic};
 
-use super::{create_object, scene_error};
-use crate::api::{ApiFn, Args, Param};
+use crate::api::{ApiFn, Args, functions};
 use crate::error::ScriptError;
 use crate::kind::KIND;
-use crate::state::Shared;
-use crate::strict;
 use lumbre_light::scene::desc::{Lookup, Texels, TextureDesc, TextureFilter, Wrap};
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_light::value::schema::Ty;
 use lumbre_scene_io::load;
 
-/// Options of `texture.paint`.
-pub const PAINT: Table = Table {
-    name: "Paint",
-    doc: "Picture that a function computes.",
-    fields: &[
-        Field {
-            key: "size",
-            ty: Ty::Nums {
-                len: 2,
-                min: 1.0,
-                max: 4096.0,
-            },
-            required: true,
-            default: "",
-            doc: "width and height in texels",
-        },
-        Field {
-            key: "color",
-            ty: Ty::Object("fun(u: number, v: number): number, number?, number?"),
-            required: true,
-            default: "",
-            doc: "function that returns red, green and blue, or one number for all three, at the \
-                  centre of each texel; u grows to the right and v upwards, both from 0 to 1",
-        },
-        Field {
-            key: "linear",
-            ty: Ty::Bool,
-            required: false,
-            default: "false",
-            doc: "`true`: linear radiance without an upper bound, for environments and emission; \
-                  `false`: display values from 0 to 1, decoded from sRGB if the texture is a \
-                  colour",
-        },
-    ],
-};
+lumbre_light::table! {
+    /// Options of `texture.paint`.
+    pub const PAINT = "Paint", "Picture that a function computes.";
+    size: Ty::nums(2, 1.0, 4096.0), "width and height in texels";
+    color: Ty::Object("fun(u: number, v: number): number, number?, number?"),
+        "function that returns red, green and blue, or one number for all three, at the centre of \
+         each texel; u grows to the right and v upwards, both from 0 to 1";
+    linear = "false": Ty::Bool,
+        "`true`: linear radiance without an upper bound, for environments and emission; `false`: \
+         display values from 0 to 1, decoded from sRGB if the texture is a colour";
+}
 
-/// Options of `texture.lay`.
-pub const LAY: Table = Table {
-    name: "Lay",
-    doc: "Mapping of one texture on a surface, instead of that of its material.",
-    fields: &[
-        Field::optional(
-            "wrap",
-            Ty::OneOrMany(&Ty::Word(Wrap::NAMES)),
-            "repeat",
-            "treatment of coordinates outside 0 to 1; one word, or a list of those of u and v",
-        ),
-        Field::optional(
-            "filter",
-            Ty::Word(TextureFilter::NAMES),
-            "bilinear",
-            "interpolation between the centres of four texels, or the texel that is `nearest`",
-        ),
-        Field::optional(
-            "scale",
-            Ty::Nums {
-                len: 2,
-                min: -1e6,
-                max: 1e6,
-            },
-            "{ 1, 1 }",
-            "number of repetitions along u and v",
-        ),
-        Field::optional(
-            "rotation",
-            Ty::Num {
-                min: -1e6,
-                max: 1e6,
-            },
-            "0",
-            "rotation in degrees, applied after the scale",
-        ),
-        Field::optional(
-            "offset",
-            Ty::Nums {
-                len: 2,
-                min: -1e6,
-                max: 1e6,
-            },
-            "{ 0, 0 }",
-            "offset of u and v, applied last",
-        ),
-        Field::optional(
-            "second",
-            Ty::Bool,
-            "false",
-            "whether it uses the mesh's `second_uvs`",
-        ),
-    ],
-};
+lumbre_light::table! {
+    /// Options of `texture.lay`.
+    pub const LAY = "Lay", "Mapping of one texture on a surface, instead of that of its material.";
+    wrap = "repeat": Ty::OneOrMany(&Ty::Word(Wrap::NAMES)),
+        "treatment of coordinates outside 0 to 1; one word, or a list of those of u and v";
+    filter = "bilinear": Ty::Word(TextureFilter::NAMES),
+        "interpolation between the centres of four texels, or the texel that is `nearest`";
+    scale = "{ 1, 1 }": Ty::nums(2, -1e6, 1e6), "number of repetitions along u and v";
+    rotation = "0": Ty::num(-1e6, 1e6), "rotation in degrees, applied after the scale";
+    offset = "{ 0, 0 }": Ty::nums(2, -1e6, 1e6), "offset of u and v, applied last";
+    second = "false": Ty::Bool, "whether it uses the mesh's `second_uvs`";
+}
 
-/// Constructors of textures.
-pub const GLOBALS: &[ApiFn] = &[
-    ApiFn {
-        name: "texture.file",
-        params: &[Param {
-            name: "path",
-            ty: "string",
-            doc: "Image file, relative to the scene's folder.",
-        }],
-        returns: "Texture",
-        doc: "Returns a texture from an image file.",
-        call: file,
-    },
-    ApiFn {
-        name: "texture.paint",
-        params: &[Param {
-            name: "options",
-            ty: "Paint",
-            doc: "Size and colours.",
-        }],
-        returns: "Texture",
-        doc: "Returns a texture whose colours a function computes.",
-        call: paint,
-    },
-    ApiFn {
-        name: "texture.lay",
-        params: &[
-            Param {
-                name: "texture",
-                ty: "Texture|string",
-                doc: "Texture, or the name of an image file.",
-            },
-            Param {
-                name: "options",
-                ty: "Lay",
-                doc: "Mapping of the texture.",
-            },
-        ],
-        returns: "Texture",
-        doc: "Returns the same texture with another mapping, which replaces that of an earlier \
-              `texture.lay`.",
-        call: lay,
-    },
-];
+functions! {
+    /// Constructors of textures.
+    pub const GLOBALS;
+    "texture.file" -> "Texture" = file, "Returns a texture from an image file." {
+        "path": "string", "Image file, relative to the scene's folder.";
+    }
+    "texture.paint" -> "Texture" = paint, "Returns a texture whose colours a function computes." {
+        "options": "Paint", "Size and colours.";
+    }
+    "texture.lay" -> "Texture" = lay,
+        "Returns the same texture with another mapping, which replaces that of an earlier \
+         `texture.lay`." {
+        "texture": "Texture|string", "Texture, or the name of an image file.";
+        "options": "Lay", "Mapping of the texture.";
+    }
+}
 
 /// Lua object of a texture with its mapping.
 #[derive(Clone, Debug)]
@@ -184,14 +86,12 @@ impl UserData for TextureObject {
 /// # Errors
 /// Returns an error if the image file cannot be read.
 pub fn texture_from_value(
-    shared: &Shared,
     args: &Args,
     value: &LuaValue,
 ) -> Result<Option<TextureObject>, ScriptError> {
     match value {
         LuaValue::UserData(data) => Ok(data.borrow::<TextureObject>().ok().map(|t| t.clone())),
         LuaValue::String(name) => Ok(Some(TextureObject::plain(read_image(
-            shared,
             args,
             &name.to_string_lossy(),
         )?))),
@@ -200,43 +100,33 @@ pub fn texture_from_value(
 }
 
 /// Reads an image file below the scene's folder.
-fn read_image(shared: &Shared, args: &Args, name: &str) -> Result<Arc<TextureDesc>, ScriptError> {
-    let path = shared.folder.join(name);
+fn read_image(args: &Args, name: &str) -> Result<Arc<TextureDesc>, ScriptError> {
+    let path = args.shared.folder.join(name);
     let mut notes = Vec::new();
-    let read = shared
-        .watchdog
-        .pause_for(|| load::texture(&path, &mut notes));
-    let texture = read.map_err(|e| scene_error(shared, args, &e))?;
-    shared.scene.borrow_mut().notes.append(&mut notes);
+    let watchdog = &args.shared.watchdog;
+    let read = watchdog.pause_for(|| load::texture(&path, &mut notes));
+    let texture = read.map_err(|e| args.error(e.to_string(), None))?;
+    args.shared.scene.borrow_mut().notes.append(&mut notes);
     Ok(Arc::new(texture))
 }
 
-fn file(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let name = args.text(shared, 0, "path")?;
-    create_object(
-        shared,
-        lua,
-        TextureObject::plain(read_image(shared, args, &name)?),
-    )
+fn file(args: &Args) -> Result<LuaValue, ScriptError> {
+    let name = args.text(0, "path")?;
+    args.object(TextureObject::plain(read_image(args, &name)?))
 }
 
-fn lay(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 2)?;
-    let Some(texture) = texture_from_value(shared, args, &args.get(0))? else {
-        return Err(args.wrong(shared, 0, "texture", "a texture or the name of an image"));
+fn lay(args: &Args) -> Result<LuaValue, ScriptError> {
+    let Some(texture) = texture_from_value(args, &args.get(0))? else {
+        return Err(args.wrong(0, "texture", "a texture or the name of an image"));
     };
-    let table = args.table(shared, 1, "options")?;
-    let fields = strict::fields(&table, &LAY, "texture.lay", false)
-        .map_err(|e| args.locate_error(shared, e))?;
-    let value = |key: &str| fields.values.get(key);
+    let fields = args.fields(1, "options", &LAY, "texture.lay")?;
     let wrap = |v: &Value| {
         Wrap::ALL
             .into_iter()
             .find(|wrap| v.as_str() == Some(wrap.name()))
             .unwrap_or_default()
     };
-    let wrap = match value("wrap") {
+    let wrap = match fields.values.get("wrap") {
         None => [Wrap::Repeat; 2],
         Some(Value::List(words)) => match words.as_slice() {
             [u, v] => [wrap(u), wrap(v)],
@@ -245,52 +135,44 @@ fn lay(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptEr
                     "wrap: expected one word, or a list of two for u and v, found {} words",
                     other.len()
                 );
-                return Err(args.error(shared, problem, None));
+                return Err(args.error(problem, None));
             }
         },
         Some(word) => [wrap(word); 2],
     };
     let pair = |key: &str, default: f32| {
-        value(key).map_or(Vec2::splat(default), |v| Vec2::from(super::numbers::<2>(v)))
+        fields
+            .numbers(key)
+            .map_or(Vec2::splat(default), Vec2::from_array)
     };
-    let angle = value("rotation")
-        .and_then(Value::as_f64)
-        .unwrap_or(0.0)
-        .to_radians() as f32;
+    let angle = fields.f64("rotation").unwrap_or(0.0).to_radians() as f32;
     let map = Affine2::from_scale_angle_translation(Vec2::ONE, angle, pair("offset", 0.0))
         * Affine2::from_scale(pair("scale", 1.0));
-    let second = value("second") == Some(&Value::Bool(true));
+    let second = fields.is_true("second");
     let filter = TextureFilter::ALL
         .into_iter()
-        .find(|filter| value("filter").and_then(Value::as_str) == Some(filter.name()));
+        .find(|filter| fields.text("filter") == Some(filter.name()));
     let lookup = Lookup {
         wrap,
         filter: filter.unwrap_or_default(),
         second,
         map: (map != Affine2::IDENTITY).then_some(map),
     };
-    create_object(shared, lua, TextureObject { lookup, ..texture })
+    args.object(TextureObject { lookup, ..texture })
 }
 
-fn paint(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, ScriptError> {
-    args.at_most(shared, 1)?;
-    let table = args.table(shared, 0, "options")?;
-    let fields = strict::fields(&table, &PAINT, "texture.paint", false)
-        .map_err(|e| args.locate_error(shared, e))?;
-    let [width, height] = fields
-        .values
-        .get("size")
-        .map_or([1.0; 2], super::numbers)
-        .map(|n| n as u32);
+fn paint(args: &Args) -> Result<LuaValue, ScriptError> {
+    let fields = args.fields(0, "options", &PAINT, "texture.paint")?;
+    let [width, height] = fields.numbers("size").unwrap_or([1.0; 2]).map(|n| n as u32);
     let Some(LuaValue::Function(color)) = fields.objects.get("color") else {
-        return Err(args.error(shared, "color: expected a function of u and v", None));
+        return Err(args.error("color: expected a function of u and v", None));
     };
     let mut texels = Vec::with_capacity(width as usize * height as usize);
     for y in 0..height {
         for x in 0..width {
             let u = (f64::from(x) + 0.5) / f64::from(width);
             let v = 1.0 - (f64::from(y) + 0.5) / f64::from(height);
-            let found: Variadic<f64> = color.call((u, v)).map_err(|e| shared.convert(&e))?;
+            let found: Variadic<f64> = color.call((u, v)).map_err(|e| args.shared.convert(&e))?;
             let rgb = match found.as_slice() {
                 [grey] => [*grey; 3],
                 [r, g, b] => [*r, *g, *b],
@@ -299,12 +181,11 @@ fn paint(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, Script
                         "the colour function returned {} numbers: expected one or three",
                         other.len()
                     );
-                    return Err(args.error(shared, problem, None));
+                    return Err(args.error(problem, None));
                 }
             };
             if !rgb.iter().all(|c| c.is_finite()) {
                 return Err(args.error(
-                    shared,
                     format!("the colour at u = {u}, v = {v} is not finite: {rgb:?}"),
                     None,
                 ));
@@ -312,16 +193,14 @@ fn paint(shared: &Rc<Shared>, lua: &Lua, args: &Args) -> Result<LuaValue, Script
             texels.push([rgb[0] as f32, rgb[1] as f32, rgb[2] as f32, 1.0]);
         }
     }
-    let texels = if fields.values.get("linear") == Some(&Value::Bool(true)) {
+    let texels = if fields.is_true("linear") {
         Texels::RgbaF32(texels)
     } else {
         let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
         let bytes: Vec<[u8; 4]> = texels.into_iter().map(|t| t.map(byte)).collect();
         Texels::Rgba8(bytes.into())
     };
-    create_object(
-        shared,
-        lua,
-        TextureObject::plain(TextureDesc::new("", width, height, texels)),
-    )
+    args.object(TextureObject::plain(TextureDesc::new(
+        "", width, height, texels,
+    )))
 }

@@ -12,23 +12,18 @@ use std::collections::BTreeMap;
 use super::floor::Noise;
 use super::map::{Colours, PixelMap};
 use super::tonemap::srgb_light;
-use super::{Better, MetricRow, MetricSpec, ON};
+use super::{DEFAULTS, MetricRow, MetricSpec, ON};
 use difference::Target;
 use exposure::{Exposures, ToneMapper};
+use lumbre_light::field;
 use lumbre_light::film::Image;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, Table, Ty};
 
 /// Option of the number of pixels per degree of visual angle.
-const PPD: Field = Field {
-    key: "ppd",
-    ty: Ty::Num {
-        min: 1.0,
-        max: 1000.0,
-    },
-    required: false,
-    default: "67.0206",
-    doc: "pixels per degree of visual angle; the default is 3840 pixels over 0.7 m seen from 0.7 m",
+const PPD: Field = field! {
+    ppd = "67.0206": Ty::num(1.0, 1000.0),
+        "pixels per degree of visual angle; the default is 3840 pixels over 0.7 m seen from 0.7 m"
 };
 
 /// Table row of the metric `flip`.
@@ -36,17 +31,13 @@ pub const ROW: MetricRow = MetricRow {
     name: "flip",
     label: "FLIP",
     long_name: "perceived difference on a display",
-    unit: "",
     doc: "Mean FLIP of what an sRGB display shows [Andersson et al. 2020], equal to the authors' program. Without a tone \
           map, radiance clamped to 0..1 is what the display emits.",
-    better: Better::Lower,
-    perfect: 0.0,
     options: Table {
         name: "FlipOptions",
         doc: "Options of `flip`.",
         fields: &[PPD, ON],
     },
-    smallest: |_| 1,
     eval: |image, reference, spec| mean(&ldr(image, reference, spec)),
     prepare: Some(|reference, spec| {
         let shown = shown(spec);
@@ -59,7 +50,7 @@ pub const ROW: MetricRow = MetricRow {
         top: Some(1.0),
     }),
     noise: Noise::Bounds,
-    settle: None,
+    ..DEFAULTS
 };
 
 /// Table row of the metric `hdr_flip`.
@@ -67,55 +58,32 @@ pub const HDR_ROW: MetricRow = MetricRow {
     name: "hdr_flip",
     label: "HDR-FLIP",
     long_name: "perceived difference over exposures",
-    unit: "",
     doc: "Mean over pixels of the largest FLIP over a range of exposures [Andersson et al. 2021], equal to the authors' \
           program. Exposures that are not given follow from the reference.",
-    better: Better::Lower,
-    perfect: 0.0,
     options: Table {
         name: "HdrFlipOptions",
         doc: "Options of `hdr_flip`, which takes linear radiance and maps it itself.",
         fields: &[
             PPD,
-            Field {
-                key: "tonemapper",
-                ty: Ty::Word(exposure::NAMES),
-                required: false,
-                default: "aces",
-                doc: "tone mapper from exposed radiance to display values",
+            field! {
+                tonemapper = "aces": Ty::Word(exposure::NAMES),
+                    "tone mapper from exposed radiance to display values"
             },
-            Field {
-                key: "start",
-                ty: Ty::OrAuto(&Ty::Num {
-                    min: -100.0,
-                    max: 100.0,
-                }),
-                required: false,
-                default: "auto",
-                doc: "first exposure in stops; `auto` maps the reference's brightest pixel to 0.85",
+            field! {
+                start = "auto": Ty::OrAuto(&Ty::num(-100.0, 100.0)),
+                    "first exposure in stops; `auto` maps the reference's brightest pixel to 0.85"
             },
-            Field {
-                key: "stop",
-                ty: Ty::OrAuto(&Ty::Num {
-                    min: -100.0,
-                    max: 100.0,
-                }),
-                required: false,
-                default: "auto",
-                doc: "last exposure in stops; `auto` maps the reference's median luminance to 0.85",
+            field! {
+                stop = "auto": Ty::OrAuto(&Ty::num(-100.0, 100.0)),
+                    "last exposure in stops; `auto` maps the reference's median luminance to 0.85"
             },
-            Field {
-                key: "exposures",
-                ty: Ty::OrAuto(&Ty::Int { min: 2, max: 64 }),
-                required: false,
-                default: "auto",
-                doc: "number of evenly spaced exposures; `auto` is one per stop, at least 2",
+            field! {
+                exposures = "auto": Ty::OrAuto(&Ty::int(2, 64)),
+                    "number of evenly spaced exposures; `auto` is one per stop, at least 2"
             },
         ],
     },
-    smallest: |_| 1,
     eval: |image, reference, spec| mean(&hdr(image, reference, spec)),
-    prepare: None,
     map: Some(PixelMap {
         eval: hdr,
         colours: Colours::Magma,
@@ -130,6 +98,7 @@ pub const HDR_ROW: MetricRow = MetricRow {
             ("exposures".to_owned(), Value::Int(count as i64)),
         ])
     }),
+    ..DEFAULTS
 };
 
 fn mean(values: &[f32]) -> f64 {

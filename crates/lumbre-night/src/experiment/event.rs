@@ -420,18 +420,49 @@ impl PauseAt {
     }
 }
 
+/// Request that stays until it is taken or withdrawn, shared between threads.
+#[derive(Debug, Default)]
+pub struct Flag(AtomicBool);
+
+impl Flag {
+    /// Makes or withdraws the request.
+    pub fn set(&self, requested: bool) {
+        self.0.store(requested, Ordering::SeqCst);
+    }
+
+    /// Whether the request is made.
+    pub fn get(&self) -> bool {
+        self.0.load(Ordering::SeqCst)
+    }
+
+    /// Returns whether the request was made, and withdraws it.
+    pub fn take(&self) -> bool {
+        self.0.swap(false, Ordering::SeqCst)
+    }
+
+    /// Makes the request, or withdraws it if it is made, and returns whether it is made now.
+    pub fn toggle(&self) -> bool {
+        !self.0.fetch_xor(true, Ordering::SeqCst)
+    }
+}
+
 /// Requests of the user and of signal handlers, shared between threads. The night polls them
 /// between waves and slices of waves.
 #[derive(Debug, Default)]
 pub struct NightControls {
     /// Number of stop requests so far.
     stop: AtomicU8,
-    after_cell: AtomicBool,
-    paused: AtomicBool,
+    /// The night stops before it starts another cell.
+    pub after_cell: Flag,
+    /// The night is paused.
+    pub paused: Flag,
     pause_at: Mutex<Option<PauseAt>>,
-    skip: AtomicBool,
-    restart: AtomicBool,
-    checkpoint: AtomicBool,
+    /// The current cell is abandoned for this night.
+    pub skip: Flag,
+    /// The current cell is rendered again from its first sample.
+    pub restart: Flag,
+    /// A checkpoint is saved at the next opportunity.
+    pub checkpoint: Flag,
 }
 
 impl NightControls {
@@ -444,32 +475,6 @@ impl NightControls {
     /// Whether the night should stop.
     pub fn stop_requested(&self) -> bool {
         self.stop.load(Ordering::SeqCst) > 0
-    }
-
-    /// Requests the night to stop after the current cell, or withdraws the request, and returns
-    /// whether it is now set.
-    pub fn toggle_stop_after_cell(&self) -> bool {
-        !self.after_cell.fetch_xor(true, Ordering::SeqCst)
-    }
-
-    /// Whether the night should stop before it starts another cell.
-    pub fn stops_after_cell(&self) -> bool {
-        self.after_cell.load(Ordering::SeqCst)
-    }
-
-    /// Pauses or resumes the night, and returns whether it is now paused.
-    pub fn toggle_pause(&self) -> bool {
-        !self.paused.fetch_xor(true, Ordering::SeqCst)
-    }
-
-    /// Pauses or resumes the night.
-    pub fn set_paused(&self, paused: bool) {
-        self.paused.store(paused, Ordering::SeqCst);
-    }
-
-    /// Whether the night is paused.
-    pub fn paused(&self) -> bool {
-        self.paused.load(Ordering::SeqCst)
     }
 
     /// Sets or removes the limit at which the night pauses; it applies once.
@@ -486,47 +491,7 @@ impl NightControls {
     pub fn pause_if_reached(&self, samples: u64, render_s: f64) -> Option<PauseAt> {
         let mut limit = self.pause_at.lock().unwrap_or_else(PoisonError::into_inner);
         let reached = limit.take_if(|limit| limit.reached(samples, render_s))?;
-        self.set_paused(true);
+        self.paused.set(true);
         Some(reached)
-    }
-
-    /// Requests the current cell to be abandoned for this night.
-    pub fn request_skip(&self) {
-        self.skip.store(true, Ordering::SeqCst);
-    }
-
-    /// Requests a checkpoint at the next opportunity.
-    pub fn request_checkpoint(&self) {
-        self.checkpoint.store(true, Ordering::SeqCst);
-    }
-
-    /// Returns whether a checkpoint was requested, and clears the request.
-    pub fn take_checkpoint(&self) -> bool {
-        self.checkpoint.swap(false, Ordering::SeqCst)
-    }
-
-    /// Whether the current cell should be abandoned.
-    pub fn skip_requested(&self) -> bool {
-        self.skip.load(Ordering::SeqCst)
-    }
-
-    /// Whether the current cell should be rendered again from its first sample.
-    pub fn restart_requested(&self) -> bool {
-        self.restart.load(Ordering::SeqCst)
-    }
-
-    /// Returns whether the current cell should be abandoned, and clears the request.
-    pub fn take_skip(&self) -> bool {
-        self.skip.swap(false, Ordering::SeqCst)
-    }
-
-    /// Requests the current cell to be rendered again from its first sample.
-    pub fn request_restart(&self) {
-        self.restart.store(true, Ordering::SeqCst);
-    }
-
-    /// Returns whether the current cell should be rendered again, and clears the request.
-    pub fn take_restart(&self) -> bool {
-        self.restart.swap(false, Ordering::SeqCst)
     }
 }

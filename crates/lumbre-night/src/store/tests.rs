@@ -50,14 +50,10 @@ fn scene() -> Arc<SceneDesc> {
         ..CameraDesc::default()
     };
     Arc::new(SceneDesc {
-        views: Vec::new(),
         resolution: [8, 8],
         max_depth: 5,
         camera,
-        materials: Default::default(),
-        entities: Default::default(),
-        lights: vec![],
-        environment: None,
+        ..SceneDesc::default()
     })
 }
 

@@ -133,7 +133,7 @@ fn failed(reason: String) -> RenderError {
 #[cfg(test)]
 mod tests {
     use lumbre_light::scene::desc::{
-        EntityDesc, LightDesc, LightKind, MaterialDesc, SceneDesc, ShapeDesc, Transform,
+        EntityDesc, LightDesc, LightKind, MaterialDesc, SceneDesc, ShapeDesc,
     };
     use lumbre_light::transport::light::LightId;
 
@@ -148,15 +148,8 @@ mod tests {
                 intensity: Vec3::splat(*intensity),
             },
         };
-        let ball = EntityDesc {
-            name: "ball".to_owned(),
-            transform: Transform::default(),
-            material: None,
-            anisotropic_direction: None,
-            shape: ShapeDesc::Sphere { radius: 1.0 },
-        };
+        let ball = EntityDesc::new("ball", ShapeDesc::Sphere { radius: 1.0 });
         let desc = SceneDesc {
-            views: Vec::new(),
             resolution: [1, 1],
             max_depth: 1,
             camera: CameraDesc {
@@ -171,7 +164,7 @@ mod tests {
                 .enumerate()
                 .map(light)
                 .collect(),
-            environment: None,
+            ..SceneDesc::default()
         };
         Arc::new(lumbre_light::scene::compile(&desc).unwrap().0)
     }

@@ -15,53 +15,25 @@ use rayon::prelude::*;
 use lumbre_light::film::Image;
 use lumbre_light::math::luminance::luminance_f32;
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, Table, Ty};
+use lumbre_light::value::schema::Ty;
 
 /// Version of the filter; part of the identity of a run.
 pub const REVISION: i64 = 1;
 
-/// Parameters of the filter as a table of scripts.
-pub const ATROUS: Table = Table {
-    name: "Atrous",
-    doc: "Parameters of the denoiser `atrous`, an edge-avoiding à-trous wavelet filter with variance \
-          guidance [Dammertz et al. 2010; Schied et al. 2017].",
-    fields: &[
-        Field::optional(
-            "levels",
-            Ty::Int { min: 1, max: 10 },
-            "4",
-            "number of passes; the last one reaches 2^levels pixels to each side",
-        ),
-        Field::optional(
-            "sigma_luminance",
-            Ty::Num {
-                min: 0.01,
-                max: 1000.0,
-            },
-            "4",
-            "difference of luminance at which a tap counts 1/e, in standard errors of the pixel",
-        ),
-        Field::optional(
-            "sigma_albedo",
-            Ty::Num {
-                min: 0.001,
-                max: 1000.0,
-            },
-            "0.05",
-            "difference of albedo at which a tap counts 1/e",
-        ),
-        Field::optional(
-            "normal_power",
-            Ty::Num {
-                min: 0.0,
-                max: 10_000.0,
-            },
-            "128",
-            "sharpness for normals: a tap whose normal differs by the angle a counts about cos(a) to \
-             this power",
-        ),
-    ],
-};
+lumbre_light::table! {
+    /// Parameters of the filter as a table of scripts.
+    pub const ATROUS = "Atrous",
+        "Parameters of the denoiser `atrous`, an edge-avoiding à-trous wavelet filter with \
+         variance guidance [Dammertz et al. 2010; Schied et al. 2017].";
+    levels = "4": Ty::int(1, 10),
+        "number of passes; the last one reaches 2^levels pixels to each side";
+    sigma_luminance = "4": Ty::num(0.01, 1000.0),
+        "difference of luminance at which a tap counts 1/e, in standard errors of the pixel";
+    sigma_albedo = "0.05": Ty::num(0.001, 1000.0), "difference of albedo at which a tap counts 1/e";
+    normal_power = "128": Ty::num(0.0, 10_000.0),
+        "sharpness for normals: a tap whose normal differs by the angle a counts about cos(a) to \
+         this power";
+}
 
 /// Parameters of the filter, see [`ATROUS`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -194,11 +166,7 @@ pub fn filter(settings: &AtrousSettings, input: Guided<'_>) -> Image {
             (mean[c] + divisor(surface, c) * change).max(0.0)
         })
     });
-    Image {
-        width: input.mean.width,
-        height: input.mean.height,
-        data: data.collect(),
-    }
+    Image::from_pixels(input.mean.width, input.mean.height, data.collect())
 }
 
 /// Size of a picture in pixels.

@@ -305,11 +305,11 @@ impl OidnFilter {
         // SAFETY: the filter is committed and its images are valid.
         unsafe { (self.device.api.execute)(self.filter.as_ptr()) };
         self.device.check()?;
-        Ok(Image {
-            width: self.size[0],
-            height: self.size[1],
-            data: self.output.to_vec(),
-        })
+        Ok(Image::from_pixels(
+            self.size[0],
+            self.size[1],
+            self.output.to_vec(),
+        ))
     }
 }
 

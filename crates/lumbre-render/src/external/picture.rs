@@ -146,11 +146,7 @@ fn decode_hdr(bytes: &[u8], max_pixels: usize) -> Result<Image, String> {
     decoder
         .read_image(bytemuck::cast_slice_mut(&mut data))
         .map_err(|e| e.to_string())?;
-    Ok(Image {
-        width,
-        height,
-        data,
-    })
+    Ok(Image::from_pixels(width, height, data))
 }
 
 /// Layers that another program may render, with the meaning of their channels: means over the
@@ -235,11 +231,7 @@ mod tests {
 
     #[test]
     fn layers_are_means_and_distances_count_only_samples_that_hit() {
-        let image = Image {
-            width: 2,
-            height: 1,
-            data: vec![[4.0; 3], [f32::INFINITY; 3]],
-        };
+        let image = Image::from_pixels(2, 1, vec![[4.0; 3], [f32::INFINITY; 3]]);
         let mut sums = vec![[0.0; 3]; 2];
         add_layer(&mut sums, Layer::Distance, &image, 3);
         assert_eq!(sums, [[12.0, 3.0, 0.0], [0.0; 3]]);

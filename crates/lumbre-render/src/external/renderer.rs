@@ -465,14 +465,9 @@ mod tests {
         ]);
         let technique = Technique::declared("external:toy", &params).unwrap();
         let desc = SceneDesc {
-            views: Vec::new(),
             resolution: [1, 1],
             max_depth: 1,
-            camera: Default::default(),
-            materials: Default::default(),
-            entities: Default::default(),
-            lights: Vec::new(),
-            environment: None,
+            ..SceneDesc::default()
         };
         let job = Job {
             first_sample,

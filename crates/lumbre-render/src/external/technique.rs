@@ -8,6 +8,7 @@ use std::time::Duration;
 use super::clock::Clock;
 use super::picture::{LAYERS, PictureFormat};
 use super::words;
+use lumbre_light::field;
 use lumbre_light::transport::camera::FilterKind;
 use lumbre_light::transport::integrator::external::{PREFIX, is_free_name};
 use lumbre_light::value::Value;
@@ -48,42 +49,34 @@ pub const EXTERNAL: Table = Table {
     doc: "Another renderer as a technique: the command that renders a wave of samples, or that \
           serves requests for them.",
     fields: &[
-        Field::required(
-            "name",
-            Ty::Str,
-            "name of the technique: letters, digits, `_`, `-` and `.`; it appears as \
-             `external:NAME`",
-        ),
-        Field::required(
-            "command",
-            Ty::Any("string|string[]"),
-            "program and arguments with placeholders, as a list or as a line that is split at \
-             white space outside quotes; no shell runs it",
-        ),
-        Field::optional(
-            "version",
-            Ty::Any("string|string[]"),
-            "no version",
-            "command that prints the version of the program; it runs once for each plan, and the \
-             first line that it prints is part of the identity of runs; if it fails, the points of \
-             the technique are left out with the reason",
-        ),
-        Field::optional(
-            "params",
-            Ty::Any("table<string, string|number|boolean>"),
-            "none",
-            "parameters of its own with their defaults: keys of the render table, and placeholders \
-             of the commands",
-        ),
-        Field::optional(
-            "time",
-            Ty::Str,
-            "clock",
-            "render time: `clock` is the wall clock of the process, start and scene loading \
-             included; `json` is `seconds` in the last line of its output that is a JSON object; \
-             anything else is a line of its output with `{seconds}` or `{milliseconds}` in the \
-             place of the number",
-        ),
+        field! {
+            name: Ty::Str,
+                "name of the technique: letters, digits, `_`, `-` and `.`; it appears as \
+                 `external:NAME`"
+        },
+        field! {
+            command: Ty::Any("string|string[]"),
+                "program and arguments with placeholders, as a list or as a line that is split at \
+                 white space outside quotes; no shell runs it"
+        },
+        field! {
+            version = "no version": Ty::Any("string|string[]"),
+                "command that prints the version of the program; it runs once for each plan, and \
+                 the first line that it prints is part of the identity of runs; if it fails, the \
+                 points of the technique are left out with the reason"
+        },
+        field! {
+            params = "none": Ty::Any("table<string, string|number|boolean>"),
+                "parameters of its own with their defaults: keys of the render table, and \
+                 placeholders of the commands"
+        },
+        field! {
+            time = "clock": Ty::Str,
+                "render time: `clock` is the wall clock of the process, start and scene loading \
+                 included; `json` is `seconds` in the last line of its output that is a JSON \
+                 object; anything else is a line of its output with `{seconds}` or \
+                 `{milliseconds}` in the place of the number"
+        },
         Field::optional(
             "scene",
             Ty::Str,
@@ -92,48 +85,37 @@ pub const EXTERNAL: Table = Table {
              `raw:FILE` is a file of the program's own format, whose content is part of the \
              identity",
         ),
-        Field::optional(
-            "serve",
-            Ty::Bool,
-            "false",
-            "whether one process renders all waves of a run, as lines on its standard input \
-             request them",
-        ),
-        Field::optional(
-            "picture",
-            Ty::Word(PictureFormat::NAMES),
-            "exr",
-            "format of the pictures: OpenEXR, portable float map or Radiance HDR, with linear \
-             radiance",
-        ),
-        Field::optional(
-            "timeout",
-            Ty::Duration,
-            "600",
-            "time after which a process that has not finished a wave is ended, and its cell fails",
-        ),
-        Field::optional(
-            "filters",
-            Ty::Any("table<string, string>"),
-            "box of one pixel only",
-            "pixel filters that the program has, with its word for each: { gauss = \"gaussian\" }; \
-             the command receives them by `{filter}` and `{radius}`",
-        ),
-        Field::optional(
-            "layers",
-            Ty::Any("table<string, string>"),
-            "none",
-            "layers in the program's EXR files, with the names of their channels: { albedo = \
-             \"Albedo\" } for the channels Albedo.R, Albedo.G and Albedo.B; `albedo`, `normal` and \
-             `distance` are possible",
-        ),
-        Field::optional(
-            "non_finite",
-            Ty::Word(&["fail", "black"]),
-            "fail",
-            "treatment of values that are NaN or infinite: the cell fails, or they count as black \
-             and are reported, as for built-in techniques",
-        ),
+        field! {
+            serve = "false": Ty::Bool,
+                "whether one process renders all waves of a run, as lines on its standard input \
+                 request them"
+        },
+        field! {
+            picture = "exr": Ty::Word(PictureFormat::NAMES),
+                "format of the pictures: OpenEXR, portable float map or Radiance HDR, with linear \
+                 radiance"
+        },
+        field! {
+            timeout = "600": Ty::Duration,
+                "time after which a process that has not finished a wave is ended, and its cell \
+                 fails"
+        },
+        field! {
+            filters = "box of one pixel only": Ty::Any("table<string, string>"),
+                "pixel filters that the program has, with its word for each: { gauss = \
+                 \"gaussian\" }; the command receives them by `{filter}` and `{radius}`"
+        },
+        field! {
+            layers = "none": Ty::Any("table<string, string>"),
+                "layers in the program's EXR files, with the names of their channels: { albedo = \
+                 \"Albedo\" } for the channels Albedo.R, Albedo.G and Albedo.B; `albedo`, `normal` \
+                 and `distance` are possible"
+        },
+        field! {
+            non_finite = "fail": Ty::Word(&["fail", "black"]),
+                "treatment of values that are NaN or infinite: the cell fails, or they count as \
+                 black and are reported, as for built-in techniques"
+        },
     ],
 };
 

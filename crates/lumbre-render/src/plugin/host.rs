@@ -396,7 +396,6 @@ mod tests {
     #[test]
     fn the_surfaces_of_a_path_get_different_auxiliary_numbers() {
         let desc = SceneDesc {
-            views: Vec::new(),
             resolution: [1, 1],
             max_depth: 1,
             camera: CameraDesc {
@@ -404,10 +403,7 @@ mod tests {
                 target: Vec3::ZERO,
                 ..CameraDesc::default()
             },
-            materials: Default::default(),
-            entities: Default::default(),
-            lights: Vec::new(),
-            environment: None,
+            ..SceneDesc::default()
         };
         let (scene, _) = lumbre_light::scene::compile(&desc).unwrap();
         let params = BTreeMap::new();

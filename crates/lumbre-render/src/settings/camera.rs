@@ -6,129 +6,43 @@ use super::find::find_file;
 use super::given::Given;
 use lumbre_light::scene::desc::{CAMERA_KIND_NAMES, TextureSlot, VIEW_HEIGHT_RANGE};
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
+use lumbre_light::value::schema::{SchemaError, Ty};
 use lumbre_scene_io::edit::WINDOW;
 
 /// Largest coordinate and length, in scene units.
 const MAX_COORDINATE: f64 = 1e9;
 
-/// Option `camera` of the render table.
-pub(super) const CAMERA: Table = Table {
-    name: "CameraChanges",
-    doc: "Changes to the scene's camera. Omitted keys keep the value of the scene.",
-    fields: &[
-        Field::optional(
-            "aperture",
-            Ty::Num {
-                min: 0.0,
-                max: MAX_COORDINATE,
-            },
-            "",
-            "diameter of the lens in scene units; 0 is a pinhole camera",
-        ),
-        Field::optional(
-            "f_number",
-            Ty::Num {
-                min: 1e-3,
-                max: 1e6,
-            },
-            "",
-            "f-number: focal length over diameter of the lens; an alternative to `aperture` \
-             that needs `focal_length` or `sensor_height`",
-        ),
-        Field::optional(
-            "focal_length",
-            Ty::Num {
-                min: 1e-9,
-                max: 1e6,
-            },
-            "",
-            "focal length in scene units; together with `sensor_height` it determines `fov`",
-        ),
-        Field::optional(
-            "sensor_height",
-            Ty::Num {
-                min: 1e-9,
-                max: 1e6,
-            },
-            "",
-            "height of the sensor in scene units; together with `fov` it determines \
-             `focal_length`",
-        ),
-        Field::optional(
-            "focus_distance",
-            Ty::Num {
-                min: 1e-9,
-                max: MAX_COORDINATE,
-            },
-            "",
-            "distance from the lens to the plane in focus, in scene units; by default the \
-             scene's, or the distance of `target`",
-        ),
-        Field::optional(
-            "fov",
-            Ty::Num {
-                min: 0.01,
-                max: 179.0,
-            },
-            "",
-            "vertical field of view of a perspective camera in degrees",
-        ),
-        Field::optional(
-            "kind",
-            Ty::Word(&CAMERA_KIND_NAMES),
-            "",
-            "how the camera maps the scene to its picture; `orthographic` and `spherical` \
-             cameras have no lens",
-        ),
-        Field::optional(
-            "position",
-            Ty::Nums {
-                len: 3,
-                min: -MAX_COORDINATE,
-                max: MAX_COORDINATE,
-            },
-            "",
-            "centre of the lens in scene coordinates",
-        ),
-        Field::optional(
-            "target",
-            Ty::Nums {
-                len: 3,
-                min: -MAX_COORDINATE,
-                max: MAX_COORDINATE,
-            },
-            "",
-            "point on the optical axis in scene coordinates",
-        ),
-        Field::optional(
-            "up",
-            Ty::Nums {
-                len: 3,
-                min: -MAX_COORDINATE,
-                max: MAX_COORDINATE,
-            },
-            "",
-            "direction that is up in the picture",
-        ),
-        Field::optional(
-            "view_height",
-            Ty::Num {
-                min: VIEW_HEIGHT_RANGE[0],
-                max: VIEW_HEIGHT_RANGE[1],
-            },
-            "",
-            "height of the picture of an orthographic camera in scene units",
-        ),
-        Field::optional(
-            "window",
-            WINDOW,
-            "",
-            "part of the view that the picture shows: left, right, upper and lower edge, in \
-             fractions of the whole from its upper left corner",
-        ),
-    ],
-};
+lumbre_light::table! {
+    /// Option `camera` of the render table.
+    pub(super) const CAMERA = "CameraChanges",
+        "Changes to the scene's camera. Omitted keys keep the value of the scene.";
+    aperture = "": Ty::num(0.0, MAX_COORDINATE),
+        "diameter of the lens in scene units; 0 is a pinhole camera";
+    f_number = "": Ty::num(1e-3, 1e6),
+        "f-number: focal length over diameter of the lens; an alternative to `aperture` that needs \
+         `focal_length` or `sensor_height`";
+    focal_length = "": Ty::num(1e-9, 1e6),
+        "focal length in scene units; together with `sensor_height` it determines `fov`";
+    sensor_height = "": Ty::num(1e-9, 1e6),
+        "height of the sensor in scene units; together with `fov` it determines `focal_length`";
+    focus_distance = "": Ty::num(1e-9, MAX_COORDINATE),
+        "distance from the lens to the plane in focus, in scene units; by default the scene's, or \
+         the distance of `target`";
+    fov = "": Ty::num(0.01, 179.0), "vertical field of view of a perspective camera in degrees";
+    kind = "": Ty::Word(&CAMERA_KIND_NAMES),
+        "how the camera maps the scene to its picture; `orthographic` and `spherical` cameras have \
+         no lens";
+    position = "": Ty::nums(3, -MAX_COORDINATE, MAX_COORDINATE),
+        "centre of the lens in scene coordinates";
+    target = "": Ty::nums(3, -MAX_COORDINATE, MAX_COORDINATE),
+        "point on the optical axis in scene coordinates";
+    up = "": Ty::nums(3, -MAX_COORDINATE, MAX_COORDINATE), "direction that is up in the picture";
+    view_height = "": Ty::num(VIEW_HEIGHT_RANGE[0], VIEW_HEIGHT_RANGE[1]),
+        "height of the picture of an orthographic camera in scene units";
+    window = "": WINDOW,
+        "part of the view that the picture shows: left, right, upper and lower edge, in fractions \
+         of the whole from its upper left corner";
+}
 
 /// Returns the changes to the scene from `set`, `view` and `camera`, by path.
 pub(super) fn read_changes(given: &Given<'_>) -> Result<BTreeMap<String, Value>, SchemaError> {
@@ -151,36 +65,34 @@ pub(super) fn read_changes(given: &Given<'_>) -> Result<BTreeMap<String, Value>,
             }
         }
         Some(other) => {
-            return Err(SchemaError {
-                path: format!("{path}.set"),
-                problem: format!(
+            return Err(SchemaError::new(
+                format!("{path}.set"),
+                "set",
+                format!(
                     "expected a table of changes by path, found {}",
                     other.kind()
                 ),
-                help: Some("set = { [\"materials.egg.ior\"] = 1.5 }".to_owned()),
-                key: "set".to_owned(),
-            });
+            )
+            .with_help("set = { [\"materials.egg.ior\"] = 1.5 }"));
         }
     }
     if let Some(view) = map.get("view")
         && changes.insert("camera".to_owned(), view.clone()).is_some()
     {
-        return Err(SchemaError {
-            path: format!("{path}.view"),
-            problem: "given twice: `set` also has `camera`".to_owned(),
-            help: None,
-            key: "view".to_owned(),
-        });
+        return Err(SchemaError::new(
+            format!("{path}.view"),
+            "view",
+            "given twice: `set` also has `camera`",
+        ));
     }
     for (key, value) in given.table("camera").into_iter().flatten() {
         let change = format!("camera.{key}");
         if changes.insert(change.clone(), value.clone()).is_some() {
-            return Err(SchemaError {
-                path: format!("{path}.camera.{key}"),
-                problem: format!("given twice: `set` also has `{change}`"),
-                help: None,
-                key: key.clone(),
-            });
+            return Err(SchemaError::new(
+                format!("{path}.camera.{key}"),
+                key.clone(),
+                format!("given twice: `set` also has `{change}`"),
+            ));
         }
     }
     Ok(changes)

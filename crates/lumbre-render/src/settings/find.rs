@@ -31,12 +31,10 @@ pub fn find_folder(
         return Ok(found.clone());
     }
     let tried: Vec<String> = places.iter().map(|p| p.display().to_string()).collect();
-    Err(SchemaError {
-        path: path.to_owned(),
-        problem: format!("there is no folder `{name}`"),
-        help: Some(format!("tried {}", tried.join(" and "))),
-        key: key.to_owned(),
-    })
+    Err(
+        SchemaError::new(path, key, format!("there is no folder `{name}`"))
+            .with_help(format!("tried {}", tried.join(" and "))),
+    )
 }
 
 /// Returns the paths at which a name of a script is looked for.
@@ -70,12 +68,7 @@ pub fn find_file(name: &str, folder: &Path, path: &str, key: &str) -> Result<Pat
             help_for_missing(&places),
         ),
     };
-    Err(SchemaError {
-        path: path.to_owned(),
-        problem,
-        help: Some(help),
-        key: key.to_owned(),
-    })
+    Err(SchemaError::new(path, key, problem).with_help(help))
 }
 
 /// Describes the files in a folder, of scenes only if `scenes`.

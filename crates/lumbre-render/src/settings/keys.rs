@@ -12,6 +12,7 @@ use crate::denoise::{self, Denoise};
 use crate::external::technique;
 use crate::hierarchy::{ACCEL, AccelSpec};
 use crate::shaders::{BUILT_IN, ShaderFolder, Shaders};
+use lumbre_light::field;
 use lumbre_light::film::layer::{LAYER_NAMES, Layer};
 use lumbre_light::scene::desc::MAX_SIDE;
 use lumbre_light::transport::camera::FilterKind;
@@ -21,7 +22,7 @@ use lumbre_light::transport::sampler::{SAMPLER_NAMES, sampler};
 use lumbre_light::transport::time_settings::FILM;
 use lumbre_light::transport::time_settings::Timing;
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
+use lumbre_light::value::schema::{Field, SchemaError, Ty};
 
 /// Row of [`SETTINGS`].
 pub struct Setting {
@@ -37,10 +38,7 @@ pub struct Setting {
 }
 
 /// Number of edges of a path.
-pub const EDGES: Ty = Ty::Int {
-    min: 1,
-    max: 10_000,
-};
+pub const EDGES: Ty = Ty::int(1, 10_000);
 
 /// Names of the integrators, for the annotations.
 pub const INTEGRATOR_NAMES: [&str; INTEGRATORS.len() + EXTERNALS.len()] = {
@@ -57,52 +55,33 @@ pub const INTEGRATOR_NAMES: [&str; INTEGRATORS.len() + EXTERNALS.len()] = {
     names
 };
 
-/// Option `aa` of the render table.
-const AA: Table = Table {
-    name: "Antialiasing",
-    doc: "Pixel filter. Samples are distributed by importance sampling of the filter.",
-    fields: &[
-        Field::optional(
-            "filter",
-            Ty::Word(FilterKind::NAMES),
-            "box",
-            "shape of the filter: constant, linear, a Gaussian truncated at three sigma, a \
-             Blackman-Harris window, or the untruncated Gaussian of thesis S1 (sigma = 2 radius)",
-        ),
-        Field::optional(
-            "radius",
-            Ty::Num {
-                min: 0.0,
-                max: 16.0,
-            },
-            "0.5",
-            "half width in pixels; a box of 0.5 is the pixel itself; for `antialiasing_radius`, \
-             half of sigma",
-        ),
-    ],
-};
+lumbre_light::table! {
+    /// Option `aa` of the render table.
+    const AA = "Antialiasing",
+        "Pixel filter. Samples are distributed by importance sampling of the filter.";
+    filter = "box": Ty::Word(FilterKind::NAMES),
+        "shape of the filter: constant, linear, a Gaussian truncated at three sigma, a \
+         Blackman-Harris window, or the untruncated Gaussian of thesis S1 (sigma = 2 radius)";
+    radius = "0.5": Ty::num(0.0, 16.0),
+        "half width in pixels; a box of 0.5 is the pixel itself; for `antialiasing_radius`, half \
+         of sigma";
+}
 
-/// Option `rr` of the render table.
-const ROULETTE: Table = Table {
-    name: "RussianRoulette",
-    doc: "Russian roulette: terminates paths at random without changing the mean.",
-    fields: &[Field::required(
-        "start",
-        EDGES,
-        "first path edge after which a path may be terminated",
-    )],
-};
+lumbre_light::table! {
+    /// Option `rr` of the render table.
+    const ROULETTE = "RussianRoulette",
+        "Russian roulette: terminates paths at random without changing the mean.";
+    start: EDGES, "first path edge after which a path may be terminated";
+}
 
 /// Settings by their keys in scripts, in the order of the documentation. `view` and `camera` are
 /// changes to the scene, which the row `set` reads, and `atrous` the parameters that `denoise` reads.
 /// The integrator and its parameters are read by the caller, who knows those that a script declares.
 pub static SETTINGS: [Setting; 18] = [
     Setting {
-        field: Field::required(
-            "scene",
-            Ty::Str,
-            "scene file, relative to the current folder or else to the script's",
-        ),
+        field: field! {
+            scene: Ty::Str, "scene file, relative to the current folder or else to the script's"
+        },
         inherited: true,
         read: |settings, given| {
             settings.scene = given.text("scene").unwrap_or_default().to_owned();
@@ -113,12 +92,10 @@ pub static SETTINGS: [Setting; 18] = [
         identity: |_| None,
     },
     Setting {
-        field: Field::optional(
-            "scene_options",
-            Ty::Any("table<string, string|number|boolean>"),
-            "the scene's defaults",
-            "options of a Lua scene: { light = \"sun\" }",
-        ),
+        field: field! {
+            scene_options = "the scene's defaults": Ty::Any("table<string, string|number|boolean>"),
+                "options of a Lua scene: { light = \"sun\" }"
+        },
         inherited: true,
         read: |settings, given| {
             if let Some(options) = given.map.get("scene_options") {
@@ -129,35 +106,30 @@ pub static SETTINGS: [Setting; 18] = [
         identity: |_| None,
     },
     Setting {
-        field: Field::optional(
-            "view",
-            Ty::Str,
-            "the scene's camera",
-            "name of a view of the scene; the changes of `camera` apply to it",
-        ),
+        field: field! {
+            view = "the scene's camera": Ty::Str,
+                "name of a view of the scene; the changes of `camera` apply to it"
+        },
         inherited: true,
         read: |_, _| Ok(()),
         identity: |_| None,
     },
     Setting {
-        field: Field::required(
-            "integrator",
-            Ty::WordOrDeclared(&INTEGRATOR_NAMES),
-            "integrator (technique), or another renderer that `external` returned; its own \
-             parameters are keys of this table",
-        ),
+        field: field! {
+            integrator: Ty::WordOrDeclared(&INTEGRATOR_NAMES),
+                "integrator (technique), or another renderer that `external` returned; its own \
+                 parameters are keys of this table"
+        },
         inherited: true,
         read: |_, _| Ok(()),
         identity: |settings| Some(("integrator", integrator_identity(settings)?)),
     },
     Setting {
-        field: Field::optional(
-            "max_depth",
-            EDGES,
-            "the scene's",
-            "largest number of path edges from camera to light: 1 is emission only, 2 adds direct \
-             light",
-        ),
+        field: field! {
+            max_depth = "the scene's": EDGES,
+                "largest number of path edges from camera to light: 1 is emission only, 2 adds \
+                 direct light"
+        },
         inherited: true,
         read: |settings, given| {
             settings.max_depth = integer(given.map.get("max_depth"));
@@ -166,16 +138,10 @@ pub static SETTINGS: [Setting; 18] = [
         identity: |settings| Some(("max_depth", optional(settings.max_depth))),
     },
     Setting {
-        field: Field::optional(
-            "resolution",
-            Ty::Nums {
-                len: 2,
-                min: 1.0,
-                max: MAX_SIDE as f64,
-            },
-            "the scene's",
-            "width and height in pixels",
-        ),
+        field: field! {
+            resolution = "the scene's": Ty::nums(2, 1.0, MAX_SIDE as f64),
+                "width and height in pixels"
+        },
         inherited: true,
         read: |settings, given| {
             settings.resolution = resolution(given)?;
@@ -188,7 +154,7 @@ pub static SETTINGS: [Setting; 18] = [
         },
     },
     Setting {
-        field: Field::optional("aa", Ty::Table(&AA), "a box of one pixel", "pixel filter"),
+        field: field!(aa = "a box of one pixel": Ty::Table(&AA), "pixel filter"),
         inherited: true,
         read: |settings, given| {
             let kind = given.nested("aa", "filter").and_then(Value::as_str);
@@ -210,15 +176,13 @@ pub static SETTINGS: [Setting; 18] = [
         },
     },
     Setting {
-        field: Field::optional(
-            "sampler",
-            Ty::Word(&SAMPLER_NAMES),
-            "independent",
-            "source of sample numbers: `independent` is uniform random, `sobol` low-discrepancy in \
-             each pixel, `zsobol16` over neighbouring pixels together in blocks of 16 samples, so \
-             that their errors cancel; except for `independent`, standard errors are mostly too \
-             large",
-        ),
+        field: field! {
+            sampler = "independent": Ty::Word(&SAMPLER_NAMES),
+                "source of sample numbers: `independent` is uniform random, `sobol` \
+                 low-discrepancy in each pixel, `zsobol16` over neighbouring pixels together in \
+                 blocks of 16 samples, so that their errors cancel; except for `independent`, \
+                 standard errors are mostly too large"
+        },
         inherited: true,
         read: |settings, given| {
             if let Some(sampler) = given.text("sampler") {
@@ -232,23 +196,16 @@ pub static SETTINGS: [Setting; 18] = [
         },
     },
     Setting {
-        field: Field::optional(
-            "camera",
-            Ty::Table(&CAMERA),
-            "the scene's",
-            "changes to the scene's camera",
-        ),
+        field: field!(camera = "the scene's": Ty::Table(&CAMERA), "changes to the scene's camera"),
         inherited: true,
         read: |_, _| Ok(()),
         identity: |_| None,
     },
     Setting {
-        field: Field::optional(
-            "set",
-            Ty::Any("table<string, number|string|boolean|number[]>"),
-            "",
-            "changes to the scene, by path: { [\"materials.egg.ior\"] = 1.5 }",
-        ),
+        field: field! {
+            set = "": Ty::Any("table<string, number|string|boolean|number[]>"),
+                "changes to the scene, by path: { [\"materials.egg.ior\"] = 1.5 }"
+        },
         inherited: true,
         read: |settings, given| {
             settings.set = read_changes(given)?;
@@ -257,13 +214,11 @@ pub static SETTINGS: [Setting; 18] = [
         identity: |_| None,
     },
     Setting {
-        field: Field::optional(
-            "films",
-            Ty::OneOrMany(&Ty::Word(&LAYER_NAMES)),
-            "none",
-            "layers to store besides the picture, as files below films/ in the run's folder: { \
-             \"depth\", \"strategies\" }; a reference does not inherit them",
-        ),
+        field: field! {
+            films = "none": Ty::OneOrMany(&Ty::Word(&LAYER_NAMES)),
+                "layers to store besides the picture, as files below films/ in the run's folder: { \
+                 \"depth\", \"strategies\" }; a reference does not inherit them"
+        },
         inherited: false,
         read: |settings, given| {
             settings.films = films(given.map.get("films"));
@@ -276,12 +231,10 @@ pub static SETTINGS: [Setting; 18] = [
         },
     },
     Setting {
-        field: Field::optional(
-            "film",
-            Ty::Table(&FILM),
-            "no time axis",
-            "time axis: { time = { bin = 0.01, bins = 300 } }; a reference does not inherit it",
-        ),
+        field: field! {
+            film = "no time axis": Ty::Table(&FILM),
+                "time axis: { time = { bin = 0.01, bins = 300 } }; a reference does not inherit it"
+        },
         inherited: false,
         read: |settings, given| {
             if let Some(film) = given.table("film") {
@@ -292,7 +245,7 @@ pub static SETTINGS: [Setting; 18] = [
         identity: |settings| Some(("film", settings.timing.as_ref()?.to_film(false))),
     },
     Setting {
-        field: Field::optional("rr", Ty::Table(&ROULETTE), "never", "Russian roulette"),
+        field: field!(rr = "never": Ty::Table(&ROULETTE), "Russian roulette"),
         inherited: true,
         read: |settings, given| {
             settings.rr_start = integer(given.nested("rr", "start"));
@@ -301,14 +254,12 @@ pub static SETTINGS: [Setting; 18] = [
         identity: |settings| Some(("rr_start", optional(settings.rr_start))),
     },
     Setting {
-        field: Field::optional(
-            "denoise",
-            Ty::Word(&denoise::NAMES),
-            "none",
-            "denoiser of the picture before it is measured and stored, on the clock of the run: \
-             the built-in wavelet filter `atrous`, or `oidn`, Open Image Denoise, which \
-             LUMBRE_OIDN names; denoised pictures are biased, and references are never denoised",
-        ),
+        field: field! {
+            denoise = "none": Ty::Word(&denoise::NAMES),
+                "denoiser of the picture before it is measured and stored, on the clock of the \
+                 run: the built-in wavelet filter `atrous`, or `oidn`, Open Image Denoise, which \
+                 LUMBRE_OIDN names; denoised pictures are biased, and references are never denoised"
+        },
         inherited: false,
         read: |settings, given| {
             let none = BTreeMap::new();
@@ -320,23 +271,18 @@ pub static SETTINGS: [Setting; 18] = [
         identity: |settings| Some(("denoise", settings.denoise.as_ref()?.to_value())),
     },
     Setting {
-        field: Field::optional(
-            "atrous",
-            Ty::Table(&ATROUS),
-            "its defaults",
-            "parameters of `denoise = \"atrous\"`",
-        ),
+        field: field! {
+            atrous = "its defaults": Ty::Table(&ATROUS), "parameters of `denoise = \"atrous\"`"
+        },
         inherited: false,
         read: |_, _| Ok(()),
         identity: |_| None,
     },
     Setting {
-        field: Field::optional(
-            "accel",
-            Ty::Table(&ACCEL),
-            "ploc",
-            "construction of the acceleration structure; affects only times, never pictures",
-        ),
+        field: field! {
+            accel = "ploc": Ty::Table(&ACCEL),
+                "construction of the acceleration structure; affects only times, never pictures"
+        },
         inherited: false,
         read: |settings, given| {
             if let Some(accel) = given.table("accel") {
@@ -375,12 +321,9 @@ pub static SETTINGS: [Setting; 18] = [
     },
     Setting {
         // The caller, who knows the backends, checks the name.
-        field: Field::optional(
-            "backend",
-            Ty::Str,
-            "auto",
-            "backend that renders; `auto` is the first usable one",
-        ),
+        field: field! {
+            backend = "auto": Ty::Str, "backend that renders; `auto` is the first usable one"
+        },
         inherited: true,
         read: |settings, given| {
             if let Some(backend) = given.text("backend") {
@@ -439,14 +382,7 @@ fn integer(value: Option<&Value>) -> Option<u32> {
 
 /// Checks the options of a scene: named strings, numbers and booleans.
 fn scene_options(value: &Value, path: &str) -> Result<BTreeMap<String, Value>, SchemaError> {
-    let fail = |problem: String, key: &str| {
-        Err(SchemaError {
-            path: path.to_owned(),
-            problem,
-            help: None,
-            key: key.to_owned(),
-        })
-    };
+    let fail = |problem: String, key: &str| Err(SchemaError::new(path, key, problem));
     let plain = |v: &Value| {
         matches!(
             v,
@@ -478,12 +414,11 @@ fn resolution(given: &Given<'_>) -> Result<Option<[u32; 2]>, SchemaError> {
     let sides: Option<Vec<u32>> = items.iter().map(|v| integer(Some(v))).collect();
     match sides.as_deref() {
         Some([width, height]) => Ok(Some([*width, *height])),
-        _ => Err(SchemaError {
-            path: given.at("resolution"),
-            problem: "expected a whole number of pixels in each direction".to_owned(),
-            help: None,
-            key: "resolution".to_owned(),
-        }),
+        _ => Err(SchemaError::new(
+            given.at("resolution"),
+            "resolution",
+            "expected a whole number of pixels in each direction",
+        )),
     }
 }
 

@@ -2,9 +2,9 @@
 
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 
-use super::{SceneWriter, identifier, scene_note};
-use lumbre_light::scene::SceneError;
+use super::{SceneWriter, identifier};
 use lumbre_light::scene::desc::{ConeEdge, EnvironmentSource, LightKind};
+use lumbre_light::scene::{Note, SceneError};
 
 impl SceneWriter<'_> {
     /// Writes the lights without a surface.
@@ -42,7 +42,8 @@ impl SceneWriter<'_> {
                     xml.value("float", "beam_width", cone.beam_deg);
                     if cone.edge == ConeEdge::Smooth {
                         let place = format!("lights.{}", light.name);
-                        self.notes.push(scene_note(
+                        self.notes.push(Note::new(
+                            "",
                             &place,
                             "the falloff of the cone is linear in the angle in Mitsuba",
                         ));

@@ -116,17 +116,12 @@ mod tests {
     /// the side of the vertex normals.
     fn mesh() -> MeshDesc {
         MeshDesc {
-            file: Default::default(),
             positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::new(1.0, 1.0, 0.0)],
             normals: vec![Vec3::Z; 4],
-            uvs: Vec::new(),
-            second_uvs: Vec::new(),
-            tangents: Vec::new(),
-            colors: Vec::new(),
             triangles: vec![[0, 1, 2], [1, 2, 3]],
             slots: vec!["m".to_owned()],
             triangle_slot: vec![0; 2],
-            content_hash: [0; 32],
+            ..MeshDesc::default()
         }
     }
 

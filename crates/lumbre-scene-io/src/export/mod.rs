@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 use glam::{DAffine3, Vec3};
 
 use self::mesh::MeshWriter;
-use self::output_folder::{OutputFolder, identifier, scene_note};
+use self::output_folder::{OutputFolder, identifier};
 pub use self::pbrt::pbrt;
 use self::surface::SurfaceWriter;
 use self::texture::{TexelConversion, TextureWriter};
@@ -115,11 +115,11 @@ fn sphere_place(entity: &EntityDesc, radius: f32) -> Result<(Vec3, f32), SceneEr
         let problem =
             "the transform makes the sphere an ellipsoid; only uniform scales are supported"
                 .to_owned();
-        return Err(SceneError::Malformed {
-            file: PathBuf::new(),
-            place: format!("entities.{}", entity.name),
+        return Err(SceneError::malformed(
+            "",
+            format!("entities.{}", entity.name),
             problem,
-        });
+        ));
     };
     let frame = entity.transform.frame;
     let center = frame.transform_point3(entity.transform.translate);
@@ -216,7 +216,8 @@ impl SceneWriter<'_> {
             CameraKind::Perspective if lens > 0.0 => "thinlens",
             CameraKind::Perspective => "perspective",
             CameraKind::Spherical => {
-                self.notes.push(scene_note(
+                self.notes.push(Note::new(
+                    "",
                     name,
                     "Mitsuba has no spherical sensor; a perspective one of 90 degrees at its place \
                      is written",
@@ -227,7 +228,7 @@ impl SceneWriter<'_> {
         if kind == "thinlens" && camera.window.offset() != [0.0; 2] {
             let text =
                 "a view off the axis through a lens has no counterpart in Mitsuba; it is centred";
-            self.notes.push(scene_note(name, text));
+            self.notes.push(Note::new("", name, text));
         }
         let xml = &mut self.xml;
         xml.open("sensor", &[("type", kind), ("id", &id)]);

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::names::UniqueNames;
-use lumbre_light::scene::{Note, SceneError};
+use lumbre_light::scene::SceneError;
 
 /// Output folder: its path and the files written so far.
 pub(super) struct OutputFolder {
@@ -58,15 +58,6 @@ impl OutputFolder {
             file: file.to_owned(),
             reason: reason.to_string(),
         }
-    }
-}
-
-/// Creates a note without a file, about a part of the scene.
-pub(super) fn scene_note(place: &str, message: impl Into<String>) -> Note {
-    Note {
-        file: PathBuf::new(),
-        place: place.to_owned(),
-        message: message.into(),
     }
 }
 

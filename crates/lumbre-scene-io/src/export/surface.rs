@@ -12,7 +12,7 @@
 
 use glam::Vec3;
 
-use super::output_folder::{OutputFolder, scene_note};
+use super::output_folder::OutputFolder;
 use super::texture::{TexelConversion, TextureWriter};
 use super::xml::Xml;
 use crate::model_differences;
@@ -38,8 +38,9 @@ pub(super) struct SurfaceWriter<'a> {
 impl SurfaceWriter<'_> {
     /// Adds a note about the material.
     fn note(&mut self, message: impl Into<String>) {
-        self.notes.push(scene_note(
-            &format!("materials.{}", self.material.name),
+        self.notes.push(Note::new(
+            "",
+            format!("materials.{}", self.material.name),
             message,
         ));
     }

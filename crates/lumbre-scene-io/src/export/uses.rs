@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 
 use glam::{DMat3, DVec3};
 
-use super::output_folder::scene_note;
 use lumbre_light::scene::Note;
 use lumbre_light::scene::desc::{
     EntityDesc, FilterChoice, Lookup, MaterialDesc, MaterialNames, MeshDesc, SceneDesc,
@@ -71,8 +70,9 @@ pub(super) fn sphere_rotation(material: Option<&MaterialDesc>) -> Option<DMat3> 
 /// Returns the note about an entity's own anisotropic direction, if it has one.
 pub(super) fn direction_note(entity: &EntityDesc, program: &str) -> Option<Note> {
     entity.anisotropic_direction.map(|_| {
-        scene_note(
-            &format!("entities.{}", entity.name),
+        Note::new(
+            "",
+            format!("entities.{}", entity.name),
             format!("`anisotropic_direction` is not supported by {program}; increasing u is used"),
         )
     })

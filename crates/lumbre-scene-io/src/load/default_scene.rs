@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::{BVec3, DVec3, Vec3};
 
 use lumbre_light::scene::desc::{
-    CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Transform,
+    CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc,
 };
 
 /// Default resolution in pixels.
@@ -27,22 +27,14 @@ pub fn scene(path: &Path, mesh: MeshDesc, materials: Vec<MaterialDesc>) -> Scene
     let name = path
         .file_stem()
         .map_or_else(|| "mesh".to_owned(), |s| s.to_string_lossy().into_owned());
-    let entities = vec![EntityDesc {
-        name,
-        transform: Transform::default(),
-        material: None,
-        anisotropic_direction: None,
-        shape: ShapeDesc::Mesh(Arc::new(mesh)),
-    }];
+    let entities = vec![EntityDesc::new(name, ShapeDesc::Mesh(Arc::new(mesh)))];
     SceneDesc {
-        views: Vec::new(),
         resolution: DEFAULT_RESOLUTION,
         max_depth: DEFAULT_MAX_DEPTH,
         camera: framing_camera(bounds(&entities)),
         materials: materials.into(),
         entities: entities.into(),
-        lights: Vec::new(),
-        environment: None,
+        ..SceneDesc::default()
     }
 }
 

@@ -94,11 +94,7 @@ impl ImageCache {
                 "the embedded images decode to {} MiB, too much for the size of the file",
                 self.read_bytes >> 20
             );
-            return Err(SceneError::Malformed {
-                file: path.to_owned(),
-                place: "images".to_owned(),
-                problem,
-            });
+            return Err(SceneError::malformed(path, "images", problem));
         }
         Ok(texture)
     }
@@ -209,13 +205,15 @@ pub(super) fn decode(
     bytes: Vec<u8>,
     notes: &mut Vec<Note>,
 ) -> Result<TextureDesc, SceneError> {
-    let malformed = |problem: String| SceneError::Malformed {
-        file: path.to_owned(),
-        place: "image".to_owned(),
-        problem: format!(
-            "{problem} (supported: PNG, JPEG, BMP, TGA, HDR and EXR files of at most \
+    let malformed = |problem: String| {
+        SceneError::malformed(
+            path,
+            "image",
+            format!(
+                "{problem} (supported: PNG, JPEG, BMP, TGA, HDR and EXR files of at most \
              {MAX_TEXTURE_SIDE} pixels per side)"
-        ),
+            ),
+        )
     };
     if bytes.starts_with(&openexr::MAGIC) {
         return decode_exr(path, &bytes, notes).map_err(malformed);
@@ -255,11 +253,11 @@ pub(super) fn decode(
         return Ok(TextureDesc::new(path, width, height, texels));
     }
     if color.bytes_per_pixel() > color.channel_count() {
-        notes.push(Note {
-            file: path.to_owned(),
-            place: "image".to_owned(),
-            message: "the image has 16 bits per channel; they are rounded to 8".to_owned(),
-        });
+        notes.push(Note::new(
+            path,
+            "image",
+            "the image has 16 bits per channel; they are rounded to 8",
+        ));
     }
     let texels = Texels::Rgba8(shared_texels(image));
     Ok(TextureDesc::new(path, width, height, texels))
@@ -297,11 +295,11 @@ fn decode_exr(path: &Path, bytes: &[u8], notes: &mut Vec<Note>) -> Result<Textur
     let (image, one_of) = openexr::decode_texture(bytes, max_pixels)?;
     if let Some(group) = one_of {
         let shown: String = group.chars().take(48).collect();
-        notes.push(Note {
-            file: path.to_owned(),
-            place: "image".to_owned(),
-            message: format!("of several groups of channels only `{shown}` is used"),
-        });
+        notes.push(Note::new(
+            path,
+            "image",
+            format!("of several groups of channels only `{shown}` is used"),
+        ));
     }
     if image.width.max(image.height) > MAX_TEXTURE_SIDE {
         return Err(format!(

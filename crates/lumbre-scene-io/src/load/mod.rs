@@ -161,13 +161,13 @@ fn load_any(
         (None, _) => (format.load)(file, missing)?,
         (Some(_), Some(load)) => load(file, missing, variables)?,
         (Some(unknown), None) => {
-            return Err(SceneError::Malformed {
-                file: path.to_owned(),
-                place: "scene_options".to_owned(),
-                problem: format!(
+            return Err(SceneError::malformed(
+                path,
+                "scene_options",
+                format!(
                     "unknown option `{unknown}`: files of this format have the option `stage` only"
                 ),
-            });
+            ));
         }
     };
     Ok((format, desc, note::summed_up(notes)))
@@ -189,11 +189,7 @@ pub fn load_on_stage(
         Some(stage) => stage::set_up(&mut desc, stage),
         None if format.is_model && stage::is_unlit(&desc) => {
             stage::set_up(&mut desc, Stage::Studio);
-            notes.push(Note {
-                file: path.to_owned(),
-                place: "lights".to_owned(),
-                message: STUDIO.to_owned(),
-            });
+            notes.push(Note::new(path, "lights", STUDIO));
         }
         None => {}
     }

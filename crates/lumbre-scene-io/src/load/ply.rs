@@ -82,32 +82,16 @@ pub(super) fn decode_mesh(
     slot: &str,
     notes: &mut Vec<Note>,
 ) -> Result<MeshDesc, SceneError> {
-    let fail = |(place, problem)| SceneError::Malformed {
-        file: path.to_owned(),
-        place,
-        problem,
-    };
+    let fail = |(place, problem)| SceneError::malformed(path, place, problem);
     let (elements, mut source) = header(bytes).map_err(fail)?;
     let mut mesh = MeshDesc {
         file: path.to_owned(),
-        positions: Vec::new(),
-        normals: Vec::new(),
-        uvs: Vec::new(),
-        colors: Vec::new(),
-        second_uvs: Vec::new(),
-        tangents: Vec::new(),
-        triangles: Vec::new(),
         slots: vec![slot.to_owned()],
-        triangle_slot: Vec::new(),
-        content_hash: [0; 32],
+        ..MeshDesc::default()
     };
     let mut note = |message: &str| {
         let message = message.to_owned();
-        notes.push(Note {
-            file: path.to_owned(),
-            place: "header".to_owned(),
-            message,
-        });
+        notes.push(Note::new(path, "header", message));
     };
     for element in &elements {
         match element.name.as_str() {

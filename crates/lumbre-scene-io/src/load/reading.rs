@@ -14,13 +14,11 @@ pub(crate) fn with_lenient_hint(e: SceneError) -> SceneError {
             file,
             place,
             problem,
-        } => SceneError::Malformed {
+        } => SceneError::malformed(
             file,
             place,
-            problem: format!(
-                "{problem} (pass `--lenient` to use the material's constant value instead)"
-            ),
-        },
+            format!("{problem} (pass `--lenient` to use the material's constant value instead)"),
+        ),
         other => other,
     }
 }

@@ -1,6 +1,7 @@
 //! The parameters of the panel, made from the schemas of the render table, of the technique and of
 //! the tone maps.
 
+use lumbre_light::field;
 use lumbre_light::transport::integrator::settings::STRATEGIES;
 use lumbre_light::transport::integrator::{IntegratorRow, integrators};
 use lumbre_light::value::Value;
@@ -100,28 +101,19 @@ const SESSION: Table = Table {
     fields: &[
         Field::optional(
             SEED,
-            Ty::Int {
-                min: 0,
-                max: u32::MAX as i64,
-            },
+            Ty::int(0, u32::MAX as i64),
             "0",
             "seed of the experiment, from which the random numbers follow",
         ),
         Field::optional(
             LIMIT_SAMPLES,
-            Ty::Int {
-                min: 1,
-                max: 1 << 40,
-            },
+            Ty::int(1, 1 << 40),
             "none",
             "samples per pixel after which rendering pauses",
         ),
         Field::optional(
             LIMIT_TIME,
-            Ty::Num {
-                min: 1e-3,
-                max: 1e9,
-            },
+            Ty::num(1e-3, 1e9),
             "none",
             "render time in seconds after which rendering pauses",
         ),
@@ -170,12 +162,9 @@ pub fn parameters(technique: &IntegratorRow, views: &[String], tonemap: &str) ->
 }
 
 /// The name of the tone map.
-const TONEMAP_FIELD: Field = Field::optional(
-    "tonemap",
-    Ty::Str,
-    "srgb",
-    "tone map of the screen and of PNG files",
-);
+const TONEMAP_FIELD: Field = field! {
+    tonemap = "srgb": Ty::Str, "tone map of the screen and of PNG files"
+};
 
 fn parameter(path: String, field: Field, views: &[String]) -> Parameter {
     let group = match path.split('.').next().unwrap_or_default() {

@@ -65,10 +65,7 @@ impl SceneFacts {
             max_depth: 1,
             camera: self.camera.clone(),
             views: self.views.clone(),
-            materials: Default::default(),
-            entities: Default::default(),
-            lights: Vec::new(),
-            environment: None,
+            ..SceneDesc::default()
         };
         edit::apply(&mut scene, changes).map_err(|e| e.to_string())?;
         Ok(scene.camera)

@@ -339,15 +339,15 @@ impl Screen {
         match command {
             NightRequest::Stop => return Ok(control.request_stop() >= 2),
             NightRequest::StopAfterCell => {
-                control.toggle_stop_after_cell();
+                control.after_cell.toggle();
             }
-            NightRequest::Pause(Some(paused)) => control.set_paused(paused),
+            NightRequest::Pause(Some(paused)) => control.paused.set(paused),
             NightRequest::Pause(None) => {
-                control.toggle_pause();
+                control.paused.toggle();
             }
             NightRequest::PauseAt(limit) => control.set_pause_at(limit),
-            NightRequest::Skip => control.request_skip(),
-            NightRequest::Restart => control.request_restart(),
+            NightRequest::Skip => control.skip.set(true),
+            NightRequest::Restart => control.restart.set(true),
         }
         Ok(false)
     }

@@ -152,11 +152,7 @@ fn error_map(
     let mut errors = spec.error_map(image, reference)?;
     let scale = errors.scale(None);
     let pixels = errors.values.iter().map(|v| [*v; 3]).collect();
-    let full = Image {
-        width: errors.width,
-        height: errors.height,
-        data: pixels,
-    };
+    let full = Image::from_pixels(errors.width, errors.height, pixels);
     let reduced = box_average(&full, size[0], size[1]);
     [errors.width, errors.height] = size;
     errors.values = reduced.data.iter().map(|v| v[0]).collect();

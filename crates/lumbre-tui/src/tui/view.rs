@@ -30,10 +30,10 @@ impl PendingRequests {
     /// Reads the pending requests of a control.
     pub fn from_controls(control: &NightControls) -> PendingRequests {
         PendingRequests {
-            paused: control.paused(),
+            paused: control.paused.get(),
             pause_at: control.pause_at(),
             stopping: control.stop_requested(),
-            after_cell: control.stops_after_cell(),
+            after_cell: control.after_cell.get(),
         }
     }
 }

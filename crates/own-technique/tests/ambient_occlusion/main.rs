@@ -11,8 +11,8 @@ use glam::Vec3;
 use lumbre::{OwnTechnique, Trial};
 use lumbre_light::film::Film;
 use lumbre_light::film::time::{TimeAxis, TimeFilter};
+use lumbre_light::scene::desc::Model;
 use lumbre_light::scene::desc::{CameraDesc, EntityDesc, MaterialDesc, SceneDesc, ShapeDesc};
-use lumbre_light::scene::desc::{Model, Transform};
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::delay::Profile;
 use lumbre_light::transport::integrator::integrator;
@@ -40,11 +40,8 @@ fn inside_a_sphere() -> Arc<CompiledScene> {
         ..MaterialDesc::new("wall")
     };
     let sphere = EntityDesc {
-        name: "sphere".into(),
-        transform: Transform::default(),
         material: Some("wall".into()),
-        anisotropic_direction: None,
-        shape: ShapeDesc::Sphere { radius: 1.0 },
+        ..EntityDesc::new("sphere", ShapeDesc::Sphere { radius: 1.0 })
     };
     let desc = SceneDesc {
         resolution: [SIDE; 2],
@@ -53,11 +50,9 @@ fn inside_a_sphere() -> Arc<CompiledScene> {
             position: Vec3::ZERO,
             ..CameraDesc::default()
         },
-        views: vec![],
         materials: vec![wall].into(),
         entities: vec![sphere].into(),
-        lights: vec![],
-        environment: None,
+        ..SceneDesc::default()
     };
     Arc::new(compile(&desc).unwrap().0)
 }

@@ -63,11 +63,9 @@ fn two_spheres() -> Arc<CompiledScene> {
             position: Vec3::Z * 4.0,
             ..CameraDesc::default()
         },
-        views: vec![],
         materials: vec![material("wall", 0.0), material("light", 5.0)].into(),
         entities: vec![sphere("wall", -0.6, 1.0), sphere("light", 0.9, 0.4)].into(),
-        lights: vec![],
-        environment: None,
+        ..SceneDesc::default()
     };
     Arc::new(compile(&desc).unwrap().0)
 }

@@ -1,13 +1,13 @@
 //! Compilation of a description: camera, materials, meshes, spheres and lights, with the checks
 //! that concern the scene as a whole.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::Vec3;
 
 use super::instancing::{self, Sharing};
 use super::mesh::{add_mesh, in_range, mesh_entities, push_emitter, with_own_direction};
-use super::resolver::{MaterialResolver, malformed};
+use super::resolver::MaterialResolver;
 use super::{CompiledScene, NONE, Sphere, bounds, lights, materials};
 use crate::math::distribution::AliasTable;
 use crate::scene::desc::{
@@ -68,7 +68,7 @@ pub fn compile_sharing(
         let problem = format!(
             "the scene has {total} triangles and spheres; at most {MAX_PRIMITIVES} are supported"
         );
-        return Err(malformed(Path::new(""), "entities".to_owned(), problem));
+        return Err(SceneError::malformed("", "entities", problem));
     }
     scene.triangles.reserve_exact(total - spheres);
     scene.attributes.reserve_exact(total - spheres);
@@ -137,11 +137,7 @@ fn note_scale(scene: &CompiledScene, notes: &mut Vec<Note>) {
     } else {
         return;
     };
-    notes.push(Note {
-        file: Default::default(),
-        place: "entities".to_owned(),
-        message,
-    });
+    notes.push(Note::new("", "entities", message));
 }
 
 /// Checks the number of lights, and notes a scene that will render black.
@@ -153,7 +149,7 @@ fn check_lights(scene: &CompiledScene, notes: &mut Vec<Note>) -> Result<(), Scen
              supported",
             AliasTable::MAX_ITEMS - 1
         );
-        return Err(malformed(Path::new(""), "entities".to_owned(), problem));
+        return Err(SceneError::malformed("", "entities", problem));
     }
     if scene.environment.is_some() {
         return Ok(());
@@ -166,11 +162,7 @@ fn check_lights(scene: &CompiledScene, notes: &mut Vec<Note>) -> Result<(), Scen
     } else {
         return Ok(());
     };
-    notes.push(Note {
-        file: PathBuf::new(),
-        place: "scene".to_owned(),
-        message: message.to_owned(),
-    });
+    notes.push(Note::new("", "scene", message));
     Ok(())
 }
 
@@ -186,13 +178,7 @@ pub fn compile_camera(
 ) -> Result<CameraDesc, SceneError> {
     let fail = |key: &str, problem: &str| {
         let path = format!("camera.{key}");
-        Err(SchemaError {
-            path,
-            problem: problem.to_owned(),
-            help: None,
-            key: key.to_owned(),
-        }
-        .into())
+        Err(SchemaError::new(path, key, problem).into())
     };
     if ![camera.position, camera.target, camera.up]
         .iter()
@@ -236,14 +222,14 @@ pub fn compile_camera(
         } else {
             Vec3::Y
         };
-        notes.push(Note {
-            file: PathBuf::new(),
-            place: "camera.up".to_owned(),
-            message: format!(
+        notes.push(Note::new(
+            "",
+            "camera.up",
+            format!(
                 "the up direction is zero or parallel to the view direction; {} is used instead",
                 camera.up
             ),
-        });
+        ));
     }
     Ok(camera)
 }
@@ -259,7 +245,7 @@ fn add_sphere(
     resolver: &mut MaterialResolver,
 ) -> Result<(), SceneError> {
     let place = format!("entities.{}", entity.name);
-    let fail = |problem: String| Err(malformed(Path::new(""), place.clone(), problem));
+    let fail = |problem: String| Err(SceneError::malformed("", place.clone(), problem));
     let Some(scale) = entity.transform.sphere_scale() else {
         return fail(
             "the transform makes the sphere an ellipsoid; only uniform scales are supported"
@@ -291,12 +277,11 @@ fn add_sphere(
         None => NONE,
         Some(Some(emitter)) => emitter,
         Some(None) => {
-            resolver.notes.push(Note {
-                file: PathBuf::new(),
+            resolver.notes.push(Note::new(
+                "",
                 place,
-                message: "the sphere is too small to emit light; its emission is ignored"
-                    .to_owned(),
-            });
+                "the sphere is too small to emit light; its emission is ignored",
+            ));
             NONE
         }
     };

@@ -1,7 +1,6 @@
 //! Selection of meshes that are stored once, and placement of their instances.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use glam::{DMat3, DVec3, Mat3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
@@ -11,7 +10,6 @@ use super::instance::{Instance, SharedMesh};
 use super::mesh::{
     MeshEntity, area_and_front, in_range, note_dropped, on_front_side, push_emitter,
 };
-use super::resolver::malformed;
 use super::{CompiledScene, NONE, TriangleAttributes, corners, tangents};
 use crate::math::distribution::AliasTable;
 use crate::scene::{Note, SceneError};
@@ -230,7 +228,7 @@ impl InstanceGroups<'_> {
                     first.place,
                     AliasTable::MAX_ITEMS - 1
                 );
-                return Err(malformed(Path::new(""), "entities".to_owned(), problem));
+                return Err(SceneError::malformed("", "entities", problem));
             }
             for entity in entities {
                 add_instance(scene, entity, &mesh, key.mirrors, flattened_start);

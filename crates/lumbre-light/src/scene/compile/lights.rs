@@ -1,6 +1,5 @@
 //! Compiled lights without a surface: point, spot and directional lights, and the environment.
 
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::Vec3;
@@ -154,13 +153,13 @@ pub(super) fn compile(
                     .map(|light| compiled.directionals.push(light)),
             ),
         };
-        result.map_err(|problem| SceneError::Malformed {
-            file: PathBuf::new(),
-            place: place.clone(),
-            problem,
-        })?;
+        result.map_err(|problem| SceneError::malformed("", place.clone(), problem))?;
         if color == Vec3::ZERO {
-            notes.push(note(&place, "the light is black and has been left out"));
+            notes.push(Note::new(
+                "",
+                &place,
+                "the light is black and has been left out",
+            ));
         }
     }
     compiled
@@ -235,10 +234,8 @@ fn compile_environment(
     desc: &EnvironmentDesc,
     notes: &mut Vec<Note>,
 ) -> Result<Option<Environment>, SceneError> {
-    let fail = |key: &str, problem: String| SceneError::Malformed {
-        file: PathBuf::new(),
-        place: format!("environment.{key}"),
-        problem,
+    let fail = |key: &str, problem: String| {
+        SceneError::malformed("", format!("environment.{key}"), problem)
     };
     if !(desc.scale.is_finite() && desc.scale >= 0.0) {
         return Err(fail(
@@ -274,7 +271,8 @@ fn compile_environment(
         ));
     }
     if radiance == Vec3::ZERO {
-        notes.push(note(
+        notes.push(Note::new(
+            "",
             "environment",
             "the environment is black and has been left out",
         ));
@@ -294,24 +292,13 @@ fn decode_map(texture: &TextureDesc, notes: &mut Vec<Note>) -> Texture {
     let mut map = Texture::decode(texture, true);
     let repaired = repair(&mut map);
     if repaired > 0 {
-        notes.push(Note {
-            file: texture.file.clone(),
-            place: "image".to_owned(),
-            message: format!(
-                "found {repaired} values that are negative or not finite; they count as black"
-            ),
-        });
+        notes.push(Note::new(
+            texture.file.clone(),
+            "image",
+            format!("found {repaired} values that are negative or not finite; they count as black"),
+        ));
     }
     map
-}
-
-/// Creates a note about a scene without a file.
-fn note(place: &str, message: &str) -> Note {
-    Note {
-        file: Path::new("").to_owned(),
-        place: place.to_owned(),
-        message: message.to_owned(),
-    }
 }
 
 /// Checks that a colour is finite and not negative.
@@ -350,7 +337,6 @@ mod tests {
             kind,
         };
         SceneDesc {
-            views: Vec::new(),
             resolution: [1, 1],
             max_depth: 1,
             camera: CameraDesc {
@@ -358,10 +344,9 @@ mod tests {
                 target: Vec3::ZERO,
                 ..CameraDesc::default()
             },
-            materials: Default::default(),
-            entities: Default::default(),
             lights: lights.into_iter().enumerate().map(named).collect(),
             environment,
+            ..SceneDesc::default()
         }
     }
 

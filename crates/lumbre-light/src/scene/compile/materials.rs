@@ -55,12 +55,11 @@ fn check(m: &MaterialDesc) -> Result<(), SchemaError> {
             .as_list()
             .map_or_else(|| fits(&value), |items| items.iter().all(fits))
         {
-            return Err(SchemaError {
-                path: format!("materials.{}.{}", m.name, row.name),
-                problem: format!("{value} is out of range; expected {}", row.ty.describe()),
-                help: None,
-                key: row.name.to_owned(),
-            });
+            return Err(SchemaError::new(
+                format!("materials.{}.{}", m.name, row.name),
+                row.name,
+                format!("{value} is out of range; expected {}", row.ty.describe()),
+            ));
         }
     }
     Ok(())
@@ -144,11 +143,8 @@ fn excess_note(m: &MaterialDesc) -> Option<Note> {
     let exceeds = (m.base_color + m.transmittance).max_element() > 1.0;
     let message = "`base_color` and `transmittance` add up to more than 1: the sheet returns more \
                    light than it receives";
-    (m.model == Model::Translucent && plain && exceeds).then(|| Note {
-        file: Default::default(),
-        place: format!("materials.{}", m.name),
-        message: message.to_owned(),
-    })
+    (m.model == Model::Translucent && plain && exceeds)
+        .then(|| Note::new("", format!("materials.{}", m.name), message))
 }
 
 fn compile_interface(m: &MaterialDesc) -> Interface {
@@ -219,14 +215,11 @@ mod tests {
             ..CameraDesc::default()
         };
         SceneDesc {
-            views: Vec::new(),
             resolution: [1, 1],
             max_depth: 1,
             camera,
             materials: materials.into(),
-            entities: Default::default(),
-            lights: vec![],
-            environment: None,
+            ..SceneDesc::default()
         }
     }
 

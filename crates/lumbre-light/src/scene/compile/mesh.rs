@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::{DAffine3, DVec3, Vec2, Vec3};
 
 use super::corners::cofactor;
-use super::resolver::{MaterialResolver, malformed};
+use super::resolver::MaterialResolver;
 use super::{CompiledScene, Emitter, Material, NONE, TriangleAttributes, corners, tangents};
 use crate::scene::desc::{EntityDesc, MAX_COORDINATE, MeshDesc, ShapeDesc};
 use crate::scene::{Note, SceneError};
@@ -55,7 +55,8 @@ pub(super) fn mesh_entities<'a>(
         };
         let place = format!("entities.{}", entity.name);
         if checked.insert(Arc::as_ptr(mesh)) {
-            check_arrays(mesh).map_err(|problem| malformed(&mesh.file, place.clone(), problem))?;
+            check_arrays(mesh)
+                .map_err(|problem| SceneError::malformed(&mesh.file, place.clone(), problem))?;
         }
         let materials: Vec<u32> = match &entity.material {
             Some(name) => vec![resolver.index(name, &mesh.file, &place); mesh.slots.len()],
@@ -162,7 +163,11 @@ fn world_positions(entity: &MeshEntity) -> Result<Vec<Vec3>, SceneError> {
                 "vertex {i} is at {}; coordinates must be within {MAX_COORDINATE:e} of the origin",
                 world[i]
             );
-            Err(malformed(&entity.mesh.file, entity.place.clone(), problem))
+            Err(SceneError::malformed(
+                &entity.mesh.file,
+                entity.place.clone(),
+                problem,
+            ))
         }
     }
 }
@@ -172,11 +177,11 @@ fn world_positions(entity: &MeshEntity) -> Result<Vec<Vec3>, SceneError> {
 pub(super) fn note_dropped(dropped: [usize; 2], entity: &MeshEntity, notes: &mut Vec<Note>) {
     for (n, what) in dropped.into_iter().zip(["", " of a light"]) {
         if n > 0 {
-            notes.push(Note {
-                file: entity.mesh.file.clone(),
-                place: entity.place.clone(),
-                message: format!("triangles{what} without area: {n} left out"),
-            });
+            notes.push(Note::new(
+                entity.mesh.file.clone(),
+                entity.place.clone(),
+                format!("triangles{what} without area: {n} left out"),
+            ));
         }
     }
 }

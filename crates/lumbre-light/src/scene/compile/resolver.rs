@@ -2,17 +2,8 @@
 
 use std::path::Path;
 
+use crate::scene::Note;
 use crate::scene::desc::{MaterialNames, SceneDesc};
-use crate::scene::{Note, SceneError};
-
-/// Creates an error about a place in a file; the path is empty if no file is concerned.
-pub(super) fn malformed(file: &Path, place: String, problem: String) -> SceneError {
-    SceneError::Malformed {
-        file: file.to_owned(),
-        place,
-        problem,
-    }
-}
 
 /// Finds materials by name, and notes each unknown name.
 pub(super) struct MaterialResolver<'a> {
@@ -36,11 +27,11 @@ impl<'a> MaterialResolver<'a> {
         if let Some(i) = self.names.index(name) {
             return i as u32;
         }
-        self.notes.push(Note {
-            file: file.to_owned(),
-            place: place.to_owned(),
-            message: format!("no material is named `{name}`; the first material is used"),
-        });
+        self.notes.push(Note::new(
+            file,
+            place,
+            format!("no material is named `{name}`; the first material is used"),
+        ));
         0
     }
 }

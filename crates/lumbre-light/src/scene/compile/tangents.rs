@@ -105,27 +105,21 @@ mod tests {
 
     use crate::scene::compile;
     use crate::scene::desc::{
-        CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Transform,
-        mesh_hash,
+        CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, mesh_hash,
     };
 
     fn scene(uvs: Vec<Vec2>, anisotropic: f32) -> SceneDesc {
         let mut mesh = MeshDesc {
             file: PathBuf::from("quad.obj"),
             positions: vec![Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y],
-            normals: vec![],
             uvs,
-            colors: vec![],
-            second_uvs: vec![],
-            tangents: Vec::new(),
             triangles: vec![[0, 1, 2], [0, 2, 3]],
             slots: vec!["m".to_owned()],
             triangle_slot: vec![0, 0],
-            content_hash: [0; 32],
+            ..MeshDesc::default()
         };
         mesh.content_hash = mesh_hash(&mesh);
         SceneDesc {
-            views: Vec::new(),
             resolution: [4, 4],
             max_depth: 2,
             camera: CameraDesc {
@@ -139,16 +133,8 @@ mod tests {
                 ..MaterialDesc::new("m")
             }]
             .into(),
-            entities: vec![EntityDesc {
-                name: "quad".to_owned(),
-                transform: Transform::default(),
-                material: None,
-                anisotropic_direction: None,
-                shape: ShapeDesc::Mesh(Arc::new(mesh)),
-            }]
-            .into(),
-            lights: vec![],
-            environment: None,
+            entities: vec![EntityDesc::new("quad", ShapeDesc::Mesh(Arc::new(mesh)))].into(),
+            ..SceneDesc::default()
         }
     }
 

@@ -78,11 +78,7 @@ fn decoded(
             _ => "the image has negative values; they count as black, since it is used as emission",
         };
         let message = message.to_owned();
-        notes.push(Note {
-            file: desc.file.clone(),
-            place: "image".to_owned(),
-            message,
-        });
+        notes.push(Note::new(desc.file.clone(), "image", message));
     }
     texture
 }

@@ -15,24 +15,21 @@ use crate::value::schema::{SchemaError, Ty};
 /// Greatest delay, and greatest rate.
 const MAX_VALUE: f64 = 1e9;
 
+/// Declares the parameter of one number of a profile, which is also a key in `.scn`:
+/// `NAME: PLACE [SLOT "KEY"], "UNIT", "DOC"`, with the slot and the key in `.scn` of its texture.
 macro_rules! number {
-    (
-        $name:literal, $field:ident, $i:literal, $min:expr, $texture:literal, $slot:expr,
-        $unit:literal, $doc:literal
-    ) => {
+    ($name:ident: $field:ident[$i:literal] $([$slot:ident $texture:literal])?, $unit:literal,
+     $doc:literal) => {
         MaterialParam {
-            name: $name,
-            scn_key: $name,
-            scn_texture_key: $texture,
-            ty: Ty::Num {
-                min: $min,
-                max: MAX_VALUE,
-            },
+            name: stringify!($name),
+            scn_key: stringify!($name),
+            scn_texture_key: concat!("" $(, $texture)?),
+            ty: Ty::num(-MAX_VALUE, MAX_VALUE),
             unit: $unit,
             doc: $doc,
             get: |m| Value::number(f64::from(m.delay.$field[$i])),
             set_checked: |m, v| m.delay.$field[$i] = v.as_f64().unwrap_or_default() as f32,
-            texture: $slot,
+            texture: [$(Some(TextureSlot::$slot),)? None][0],
         }
     };
 }
@@ -63,105 +60,52 @@ pub(super) const DELAY_PARAMS: [MaterialParam; 12] = [
               light.",
         get: |m| Value::Str(m.delay.kind.name().to_owned()),
         set_checked: |m, v| {
-            let kind = DelayKind::ALL
-                .into_iter()
-                .find(|kind| v.as_str() == Some(kind.name()));
+            let kind = v.as_str().and_then(DelayKind::from_name);
             m.delay.kind = kind.unwrap_or(m.delay.kind);
         },
         texture: None,
     },
-    number!(
-        "delay_constant",
-        constant,
-        0,
-        -MAX_VALUE,
-        "delay_constant_texture",
-        Some(TextureSlot::DelayConstant),
-        "scene units",
-        "Delay of the profile `constant`; the sum with its offset must be at least 0. A texture \
-         multiplies it."
-    ),
-    number!(
-        "delay_constant_offset",
-        constant,
-        1,
-        -MAX_VALUE,
-        "",
-        None,
-        "scene units",
-        "Added to `delay_constant` after its texture is applied."
-    ),
-    number!(
-        "delay_rate",
-        rate,
-        0,
-        -MAX_VALUE,
-        "delay_rate_texture",
-        Some(TextureSlot::DelayRate),
-        "1 / scene unit",
-        "Rate of the profile `exponential`, the reciprocal of the mean delay; the sum with its \
-         offset must be positive. A texture multiplies it."
-    ),
-    number!(
-        "delay_rate_offset",
-        rate,
-        1,
-        -MAX_VALUE,
-        "",
-        None,
-        "1 / scene unit",
-        "Added to `delay_rate` after its texture is applied."
-    ),
-    number!(
-        "delay_mean",
-        mean,
-        0,
-        -MAX_VALUE,
-        "delay_mean_texture",
-        Some(TextureSlot::DelayMean),
-        "scene units",
-        "Mean delay of the profile `epanechnikov`; the sum with its offset must be at least the \
-         width. A texture multiplies it."
-    ),
-    number!(
-        "delay_mean_offset",
-        mean,
-        1,
-        -MAX_VALUE,
-        "",
-        None,
-        "scene units",
-        "Added to `delay_mean` after its texture is applied."
-    ),
-    number!(
-        "delay_width",
-        width,
-        0,
-        -MAX_VALUE,
-        "delay_width_texture",
-        Some(TextureSlot::DelayWidth),
-        "scene units",
-        "Half width of the support of the profile `epanechnikov`, called sigma in thesis S2; the \
-         sum with its offset must be positive. A texture multiplies it."
-    ),
-    number!(
-        "delay_width_offset",
-        width,
-        1,
-        -MAX_VALUE,
-        "",
-        None,
-        "scene units",
-        "Added to `delay_width` after its texture is applied."
-    ),
+    number! {
+        delay_constant: constant[0] [DelayConstant "delay_constant_texture"], "scene units",
+            "Delay of the profile `constant`; the sum with its offset must be at least 0. A \
+             texture multiplies it."
+    },
+    number! {
+        delay_constant_offset: constant[1], "scene units",
+            "Added to `delay_constant` after its texture is applied."
+    },
+    number! {
+        delay_rate: rate[0] [DelayRate "delay_rate_texture"], "1 / scene unit",
+            "Rate of the profile `exponential`, the reciprocal of the mean delay; the sum with its \
+             offset must be positive. A texture multiplies it."
+    },
+    number! {
+        delay_rate_offset: rate[1], "1 / scene unit",
+            "Added to `delay_rate` after its texture is applied."
+    },
+    number! {
+        delay_mean: mean[0] [DelayMean "delay_mean_texture"], "scene units",
+            "Mean delay of the profile `epanechnikov`; the sum with its offset must be at least \
+             the width. A texture multiplies it."
+    },
+    number! {
+        delay_mean_offset: mean[1], "scene units",
+            "Added to `delay_mean` after its texture is applied."
+    },
+    number! {
+        delay_width: width[0] [DelayWidth "delay_width_texture"], "scene units",
+            "Half width of the support of the profile `epanechnikov`, called sigma in thesis S2; \
+             the sum with its offset must be positive. A texture multiplies it."
+    },
+    number! {
+        delay_width_offset: width[1], "scene units",
+            "Added to `delay_width` after its texture is applied."
+    },
     MaterialParam {
         name: "delay_table",
         scn_key: "delay_table",
         scn_texture_key: "",
-        ty: Ty::List(&Ty::Num {
-            min: 0.0,
-            max: MAX_VALUE,
-        }),
+        ty: Ty::List(&Ty::num(0.0, MAX_VALUE)),
         unit: "scene units, then density",
         doc: "Density of the profile `table` as pairs of delay and density with increasing delays; \
               it is interpolated linearly and normalised to integrate to one.",
@@ -200,7 +144,7 @@ pub(super) const DELAY_PARAMS: [MaterialParam; 12] = [
         name: "weights",
         scn_key: "weights",
         scn_texture_key: "weightstexture",
-        ty: Ty::List(&Ty::Num { min: 0.0, max: 1.0 }),
+        ty: Ty::List(&Ty::num(0.0, 1.0)),
         unit: "",
         doc: "Weights of `parts`, one for each; they must sum to one. With two parts, the red channel of \
               a texture can replace them: it is the weight of the second part.",

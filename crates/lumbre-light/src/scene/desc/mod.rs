@@ -75,6 +75,22 @@ pub struct SceneDesc {
     pub environment: Option<EnvironmentDesc>,
 }
 
+impl Default for SceneDesc {
+    /// Returns an empty scene of 1280 x 720 pixels and 8 path edges.
+    fn default() -> SceneDesc {
+        SceneDesc {
+            resolution: [1280, 720],
+            max_depth: 8,
+            camera: CameraDesc::default(),
+            views: Vec::new(),
+            materials: CowVec::default(),
+            entities: CowVec::default(),
+            lights: Vec::new(),
+            environment: None,
+        }
+    }
+}
+
 impl SceneDesc {
     /// Returns the index of the first material with this name.
     pub fn material_index(&self, name: &str) -> Option<usize> {
@@ -135,6 +151,19 @@ pub struct EntityDesc {
     pub anisotropic_direction: Option<Vec3>,
     /// Shape of the object, in its own space.
     pub shape: ShapeDesc,
+}
+
+impl EntityDesc {
+    /// Creates an entity that is not transformed and has the materials of its mesh.
+    pub fn new(name: impl Into<String>, shape: ShapeDesc) -> EntityDesc {
+        EntityDesc {
+            name: name.into(),
+            transform: Transform::default(),
+            material: None,
+            anisotropic_direction: None,
+            shape,
+        }
+    }
 }
 
 /// An affine transform: `frame` * T * S * Rx * Ry * Rz. Translation, rotation and scale, in the
@@ -212,7 +241,7 @@ pub enum ShapeDesc {
 
 /// An indexed triangle mesh. The front is the side from which the corners appear counter-clockwise;
 /// loaders reorder corners so that it is the side that the file's convention makes the front.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeshDesc {
     /// File from which the mesh was read.
     pub file: PathBuf,

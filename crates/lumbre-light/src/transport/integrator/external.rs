@@ -9,31 +9,21 @@ use super::IntegratorRow;
 use crate::value::schema::{Field, Table, Ty};
 
 /// The parameter of the Python interpreter. Its location is not part of a run's identity.
-pub const PYTHON: Field = Field {
-    key: "python",
-    ty: Ty::Str,
-    required: false,
-    default: "python3",
-    doc: "the Python interpreter that has the package: a path, or a name to be found on PATH",
+pub const PYTHON: Field = crate::field! {
+    python = "python3": Ty::Str,
+        "the Python interpreter that has the package: a path, or a name to be found on PATH"
 };
 
 /// The parameter of Mitsuba's variant.
-pub const VARIANT: Field = Field {
-    key: "variant",
-    ty: Ty::Str,
-    required: false,
-    default: "scalar_rgb",
-    doc: "Mitsuba's variant: scalar_rgb, llvm_ad_rgb, cuda_ad_rgb",
+pub const VARIANT: Field = crate::field! {
+    variant = "scalar_rgb": Ty::Str, "Mitsuba's variant: scalar_rgb, llvm_ad_rgb, cuda_ad_rgb"
 };
 
 /// The parameter of Mitsuba's integrator.
-pub const METHOD: Field = Field {
-    key: "method",
-    ty: Ty::Str,
-    required: false,
-    default: "path",
-    doc: "Mitsuba's integrator: path, which combines light sampling and BSDF sampling, or another \
-          that takes a max_depth",
+pub const METHOD: Field = crate::field! {
+    method = "path": Ty::Str,
+        "Mitsuba's integrator: path, which combines light sampling and BSDF sampling, or another \
+         that takes a max_depth"
 };
 
 /// All techniques of other programs.

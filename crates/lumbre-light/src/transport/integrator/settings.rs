@@ -8,57 +8,38 @@ use crate::value::Value;
 use crate::value::schema::{AUTO, Field, Ty};
 
 /// The parameter `lights` of integrators that sample lights from the vertices of camera paths.
-pub const LIGHTS: Field = Field {
-    key: "lights",
-    ty: Ty::Word(&["one", "all"]),
-    required: false,
-    default: "one",
-    doc: "whether a vertex is connected to one light, chosen at random, or to every light in \
-          turn, as in S0 (docs/inside/transport.md); the latter traces as many shadow rays as there are \
-          emissive triangles, spheres and other lights",
+pub const LIGHTS: Field = crate::field! {
+    lights = "one": Ty::Word(&["one", "all"]),
+        "whether a vertex is connected to one light, chosen at random, or to every light in turn, \
+         as in S0 (docs/inside/transport.md); the latter traces as many shadow rays as there are \
+         emissive triangles, spheres and other lights"
 };
 
 /// The parameter `directions` of integrators that continue paths from surfaces by one direction.
-pub const DIRECTIONS: Field = Field {
-    key: "directions",
-    ty: Ty::Word(&["bsdf", "uniform"]),
-    required: false,
-    default: "bsdf",
-    doc: "distribution of the directions in which paths continue: that of the BSDF, or `uniform` \
-          over the hemisphere of the side, and over the sphere where light is transmitted; Dirac \
-          lobes are sampled in any case",
+pub const DIRECTIONS: Field = crate::field! {
+    directions = "bsdf": Ty::Word(&["bsdf", "uniform"]),
+        "distribution of the directions in which paths continue: that of the BSDF, or `uniform` \
+         over the hemisphere of the side, and over the sphere where light is transmitted; Dirac \
+         lobes are sampled in any case"
 };
 
 /// The parameter `strategies` of integrators that combine strategies.
-pub const STRATEGIES: Field = Field {
-    key: "strategies",
-    ty: Ty::Nums {
-        len: 2,
-        min: 0.0,
-        max: 10_000.0,
-    },
-    required: false,
-    default: "all",
-    doc: "the one strategy { s, t } to keep: s vertices from the light, t from the camera, the \
-          lens included; with mis = \"none\" its weight is one",
+pub const STRATEGIES: Field = crate::field! {
+    strategies = "all": Ty::nums(2, 0.0, 10_000.0),
+        "the one strategy { s, t } to keep: s vertices from the light, t from the camera, the lens \
+         included; with mis = \"none\" its weight is one"
 };
 
 /// The parameter `contribution` of integrators that combine strategies.
-pub const CONTRIBUTION: Field = Field {
-    key: "contribution",
-    ty: Ty::Bool,
-    required: false,
-    default: "true",
-    doc: "false leaves the strategy of `strategies` out instead, and keeps all others",
+pub const CONTRIBUTION: Field = crate::field! {
+    contribution = "true": Ty::Bool,
+        "false leaves the strategy of `strategies` out instead, and keeps all others"
 };
 
 /// The parameter `photons` of integrators that trace photons or share light subpaths.
 pub const PHOTONS: Field = Field {
     key: "photons",
-    ty: Ty::OrAuto(&Ty::Int {
-        min: 1,
-        max: 1 << 28,
-    }),
+    ty: Ty::OrAuto(&Ty::int(1, 1 << 28)),
     required: false,
     default: AUTO,
     doc: "number of photons (light subpaths) that each iteration (one sample of every pixel) \
@@ -66,31 +47,22 @@ pub const PHOTONS: Field = Field {
 };
 
 /// The parameter `connections` of integrators that choose vertices of light subpaths.
-pub const CONNECTIONS: Field = Field {
-    key: "connections",
-    ty: Ty::Int { min: 1, max: 1024 },
-    required: false,
-    default: "1",
-    doc: "number of vertices of light subpaths with which each camera vertex is connected",
+pub const CONNECTIONS: Field = crate::field! {
+    connections = "1": Ty::int(1, 1024),
+        "number of vertices of light subpaths with which each camera vertex is connected"
 };
 
 /// The parameter `candidates` of integrators that choose vertices of light subpaths by resampling.
-pub const CANDIDATES: Field = Field {
-    key: "candidates",
-    ty: Ty::Int { min: 1, max: 1024 },
-    required: false,
-    default: "8",
-    doc: "number of vertices that are drawn for each connection, of which one is chosen in \
-          proportion to the light that it would bring without occlusion; 1 connects the drawn vertex",
+pub const CANDIDATES: Field = crate::field! {
+    candidates = "8": Ty::int(1, 1024),
+        "number of vertices that are drawn for each connection, of which one is chosen in \
+         proportion to the light that it would bring without occlusion; 1 connects the drawn vertex"
 };
 
 /// The parameter `radius` of integrators that gather photons.
 pub const RADIUS: Field = Field {
     key: "radius",
-    ty: Ty::OrAuto(&Ty::Num {
-        min: 1e-6,
-        max: 1e6,
-    }),
+    ty: Ty::OrAuto(&Ty::num(1e-6, 1e6)),
     required: false,
     default: AUTO,
     doc: "radius of the first iteration within which photons are gathered, in scene units; auto \
@@ -99,24 +71,18 @@ pub const RADIUS: Field = Field {
 };
 
 /// The parameter `alpha` of integrators that gather photons.
-pub const ALPHA: Field = Field {
-    key: "alpha",
-    ty: Ty::Num { min: 0.0, max: 1.0 },
-    required: false,
-    default: "2/3",
-    doc: "how slowly the radius shrinks: in iteration i it is radius * i^((alpha - 1) / 2); 1 \
-          keeps the radius and its bias, less gives less bias and more noise",
+pub const ALPHA: Field = crate::field! {
+    alpha = "2/3": Ty::num(0.0, 1.0),
+        "how slowly the radius shrinks: in iteration i it is radius * i^((alpha - 1) / 2); 1 keeps \
+         the radius and its bias, less gives less bias and more noise"
 };
 
 /// The parameter `join` of integrators that connect and merge vertices.
-pub const JOIN: Field = Field {
-    key: "join",
-    ty: Ty::Word(&["both", "connect", "merge"]),
-    required: false,
-    default: "both",
-    doc: "how light subpaths are joined with camera subpaths: \"connect\" gives the samples of \
-          bdpt, \"merge\" only gathers their vertices, as photon mapping does, and adds light that \
-          camera paths hit",
+pub const JOIN: Field = crate::field! {
+    join = "both": Ty::Word(&["both", "connect", "merge"]),
+        "how light subpaths are joined with camera subpaths: \"connect\" gives the samples of \
+         bdpt, \"merge\" only gathers their vertices, as photon mapping does, and adds light that \
+         camera paths hit"
 };
 
 /// Ways of joining light subpaths with camera subpaths.

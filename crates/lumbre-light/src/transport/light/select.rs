@@ -15,15 +15,13 @@ use crate::value::Value;
 use crate::value::schema::{Field, Ty};
 
 /// The parameter `select` of every integrator that chooses among lights.
-pub const FIELD: Field = Field {
-    key: "select",
-    ty: Ty::Word(&["uniform", "area", "power", "tree"]),
-    required: false,
-    default: "power",
-    doc: "how likely each light is chosen: all alike, in proportion to its area (as in S0, see \
-          docs/inside/transport.md), or to the power that it sends into the scene, where lights at \
-          infinity and others have at least a third each; or by a tree over the lights, in about \
-          proportion to the light that each may send to the shaded point [Conty Estevez and Kulla 2018], on the CPU",
+pub const FIELD: Field = crate::field! {
+    select = "power": Ty::Word(&["uniform", "area", "power", "tree"]),
+        "how likely each light is chosen: all alike, in proportion to its area (as in S0, see \
+         docs/inside/transport.md), or to the power that it sends into the scene, where lights at \
+         infinity and others have at least a third each; or by a tree over the lights, in about \
+         proportion to the light that each may send to the shaded point [Conty Estevez and Kulla \
+         2018], on the CPU"
 };
 
 /// The probability with which each light is chosen.

@@ -28,7 +28,7 @@ impl NightRunner<'_, '_> {
             Some(seconds) => seconds,
             None => DEFAULT_INTERVAL_S.max(MIN_INTERVAL_PER_COST * attempt.checkpoints.cost_s),
         };
-        self.checkpoint_requests += u64::from(self.control.take_checkpoint());
+        self.checkpoint_requests += u64::from(self.control.checkpoint.take());
         let requests =
             std::mem::replace(&mut attempt.checkpoints.requests, self.checkpoint_requests);
         let requested = requests != self.checkpoint_requests;

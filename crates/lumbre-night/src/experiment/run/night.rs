@@ -114,8 +114,8 @@ impl NightRunner<'_, '_> {
                     return;
                 }
                 // A request that came too late for the previous cell must not apply to this one.
-                self.control.take_skip();
-                self.control.take_restart();
+                self.control.skip.take();
+                self.control.restart.take();
                 self.emit_forecast();
                 elsewhere.extend(self.render_group(&group));
             }
@@ -163,7 +163,7 @@ impl NightRunner<'_, '_> {
 
     /// Whether the night ends now, before all runs have ended; reports the reason.
     fn should_end(&mut self) -> bool {
-        if self.control.stop_requested() || self.control.stops_after_cell() {
+        if self.control.stop_requested() || self.control.after_cell.get() {
             self.summary.interrupted = true;
             return true;
         }

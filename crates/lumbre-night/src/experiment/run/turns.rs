@@ -70,8 +70,8 @@ impl<'a> NightRunner<'a, '_> {
             self.history.release(self.plan, cell.into());
             if next == 0 {
                 // A request that came too late for this run must not apply to the next.
-                self.control.take_skip();
-                self.control.take_restart();
+                self.control.skip.take();
+                self.control.restart.take();
             }
         }
     }
@@ -284,8 +284,7 @@ impl<'a> NightRunner<'a, '_> {
         });
         let more = more.min(max_lookahead(&attempt.progress, slice_s));
         let (control, stops) = (self.control, self.cancellation());
-        let cancelled =
-            || stops() || (leads && (control.skip_requested() || control.restart_requested()));
+        let cancelled = || stops() || (leads && (control.skip.get() || control.restart.get()));
         let request = Advance {
             samples,
             more,
@@ -410,17 +409,17 @@ impl<'a> NightRunner<'a, '_> {
             if self.control.stop_requested() || self.deadline_passed() {
                 return Ok(Some(AfterTurn::End(Outcome::Interrupted)));
             }
-            if leads && self.control.take_skip() {
+            if leads && self.control.skip.take() {
                 let text = format!("skipped on request after {samples} samples per pixel");
                 self.emit_message(Level::Warn, cell, text)?;
                 return Ok(Some(AfterTurn::End(Outcome::Interrupted)));
             }
-            if leads && self.control.take_restart() {
+            if leads && self.control.restart.take() {
                 let text = format!("restarted on request after {samples} samples per pixel");
                 self.emit_message(Level::Warn, cell, text)?;
                 return Ok(Some(AfterTurn::Restart));
             }
-            if !self.control.paused() {
+            if !self.control.paused.get() {
                 return Ok(None);
             }
             (self.seams.wait)();

@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use lumbre_light::film::Film;
 use lumbre_light::math::stats::sidak;
 use lumbre_light::math::t_test::two_sided_p;
@@ -203,4 +203,33 @@ pub fn varied() -> Arc<CompiledScene> {
             .point(Vec3::new(0.6, 0.6, 0.3), Vec3::splat(0.4))
             .environment(None, Vec3::splat(0.2), 0.0),
     )
+}
+
+/// Checks scenes of one triangle with the job of a number of path edges: black if it has one of the
+/// dark materials, and not if it is a lamp.
+pub fn assert_degenerate_scenes_render(
+    case: &str,
+    (dark, dark_depth): (&[Material], u32),
+    lamp_depths: &[u32],
+    job: impl Fn(u32) -> Job,
+) {
+    let film = |material, depth| {
+        let corners = [
+            Vec3::new(-1.0, 0.0, -2.0),
+            Vec3::new(1.0, 0.0, -2.0),
+            Vec3::Y - Vec3::Z * 2.0,
+        ];
+        let scene = SceneBuilder::new(Vec3::ZERO, Vec3::NEG_Z, 60.0)
+            .triangle(corners, [Vec2::ZERO; 3], material)
+            .build();
+        render(&scene, job(depth), 4)
+    };
+    for material in dark {
+        let black = film(*material, dark_depth);
+        assert!(black.sum.iter().all(|sum| *sum == [0.0; 3]), "{case}");
+    }
+    for depth in lamp_depths {
+        let lamp = film(light(2.0), *depth);
+        assert!(lamp.sum.iter().any(|sum| sum[0] > 7.9), "{case}");
+    }
 }

@@ -33,8 +33,6 @@ fn mesh(
         file: PathBuf::from("m.obj"),
         uvs: positions.iter().map(|p| Vec2::new(p.x, p.y)).collect(),
         colors: positions.iter().map(|p| p.abs().fract()).collect(),
-        second_uvs: Vec::new(),
-        tangents: Vec::new(),
         positions,
         normals,
         triangle_slot: (0..triangles.len() as u32)
@@ -42,7 +40,7 @@ fn mesh(
             .collect(),
         triangles,
         slots: slots.iter().map(|s| (*s).to_owned()).collect(),
-        content_hash: [0; 32],
+        ..MeshDesc::default()
     };
     m.content_hash = mesh_hash(&m);
     Arc::new(m)
@@ -112,7 +110,6 @@ pub fn entity(
 
 pub fn desc(materials: Vec<MaterialDesc>, entities: Vec<EntityDesc>) -> SceneDesc {
     SceneDesc {
-        views: Vec::new(),
         resolution: [32, 24],
         max_depth: 4,
         camera: CameraDesc {
@@ -125,8 +122,7 @@ pub fn desc(materials: Vec<MaterialDesc>, entities: Vec<EntityDesc>) -> SceneDes
         },
         materials: materials.into(),
         entities: entities.into(),
-        lights: vec![],
-        environment: None,
+        ..SceneDesc::default()
     }
 }
 

@@ -11,9 +11,11 @@ use lumbre_light::transport::light::{LightSelection, Lights};
 use lumbre_light::value::Value;
 use lumbre_render::Job;
 
-use crate::common::{SceneBuilder, grey, job, light, render};
+use crate::common::{SceneBuilder, grey, job, light};
 use crate::render::agreement::{Setting, agree, technique};
-use crate::render::consistent_fixtures::{column, mean_and_error, spread};
+use crate::render::consistent_fixtures::{
+    assert_degenerate_scenes_render, column, mean_and_error, spread,
+};
 use crate::render::lights_density::uniform;
 
 /// Returns a point in a cube of side 8 about the origin.
@@ -215,32 +217,16 @@ fn the_tree_has_less_noise_than_power_where_lamps_are_many() {
 
 #[test]
 fn scenes_without_light_and_with_one_triangle_render() {
-    let triangle = |material| {
-        let corners = [
-            Vec3::new(-1.0, 0.0, -2.0),
-            Vec3::new(1.0, 0.0, -2.0),
-            Vec3::Y - Vec3::Z * 2.0,
-        ];
-        SceneBuilder::new(Vec3::ZERO, Vec3::NEG_Z, 60.0)
-            .triangle(corners, [Vec2::ZERO; 3], material)
-            .build()
-    };
     for name in ["nee", "bdpt", "vcm", "lvc"] {
-        let film = |scene: &Arc<CompiledScene>| {
+        let dark = [grey(0.5), light(0.0)];
+        assert_degenerate_scenes_render(name, (&dark, 3), &[3], |depth| {
             let (row, params) = technique(name, &[("select", "tree".into())]);
-            let job = Job {
+            Job {
                 integrator: row,
-                ..job([8; 2], 3, 1)
+                ..job([8; 2], depth, 1)
             }
-            .with(|settings| settings.params = params);
-            render(scene, job, 4)
-        };
-        for dark in [grey(0.5), light(0.0)] {
-            let black = film(&triangle(dark));
-            assert!(black.sum.iter().all(|sum| *sum == [0.0; 3]), "{name}");
-        }
-        let lamp = film(&triangle(light(2.0)));
-        assert!(lamp.sum.iter().any(|sum| sum[0] > 7.9), "{name}");
+            .with(|settings| settings.params = params)
+        });
     }
 }
 

@@ -3,19 +3,19 @@
 
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use lumbre_light::math::stats::sidak;
 use lumbre_light::math::t_test::welch_p;
-use lumbre_light::scene::CompiledScene;
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL};
 use lumbre_light::value::Value;
 use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 
-use crate::common::{SceneBuilder, grey, job, light, render, render_waves};
+use crate::common::{grey, job, light, render, render_waves};
 use crate::render::agreement::technique;
 use crate::render::consistent_fixtures::{
-    GLASS, SIGNIFICANCE, boxed, column, mean_and_error, spread, varied,
+    GLASS, SIGNIFICANCE, assert_degenerate_scenes_render, boxed, column, mean_and_error, spread,
+    varied,
 };
 
 /// Returns a job for `lvc` with numbers of connections, candidates and light subpaths.
@@ -127,25 +127,11 @@ fn threads_waves_and_checkpoints_do_not_change_its_bits() {
 
 #[test]
 fn degenerate_scenes_render() {
-    let triangle = |material| {
-        let corners = [
-            Vec3::new(-1.0, 0.0, -2.0),
-            Vec3::new(1.0, 0.0, -2.0),
-            Vec3::Y - Vec3::Z * 2.0,
-        ];
-        SceneBuilder::new(Vec3::ZERO, Vec3::NEG_Z, 60.0)
-            .triangle(corners, [Vec2::ZERO; 3], material)
-            .build()
-    };
     for numbers in [[1, 1, 1], [2, 8, 200]] {
-        let film = |scene: &Arc<CompiledScene>, depth| render(scene, lvc(numbers, 8, depth), 4);
-        for dark in [grey(0.5), GLASS, light(0.0)] {
-            let black = film(&triangle(dark), 4);
-            assert!(black.sum.iter().all(|sum| *sum == [0.0; 3]), "{numbers:?}");
-        }
-        for depth in [1, 2, 3] {
-            let lamp = film(&triangle(light(2.0)), depth);
-            assert!(lamp.sum.iter().any(|sum| sum[0] > 7.9), "{numbers:?}");
-        }
+        let dark = [grey(0.5), GLASS, light(0.0)];
+        let case = format!("{numbers:?}");
+        assert_degenerate_scenes_render(&case, (&dark, 4), &[1, 2, 3], |depth| {
+            lvc(numbers, 8, depth)
+        });
     }
 }

@@ -2,7 +2,6 @@
 //! texel, and flat normals.
 
 use std::f64::consts::PI;
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
@@ -197,16 +196,12 @@ fn both_samplings_of_the_environment_have_the_same_mean_and_luminance_has_less_n
 fn octahedron(normals: bool) -> Arc<MeshDesc> {
     let corners = [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z];
     let mut mesh = MeshDesc {
-        file: PathBuf::new(),
         positions: corners.to_vec(),
         normals: if normals { corners.to_vec() } else { vec![] },
         uvs: corners
             .iter()
             .map(|p| Vec2::new(p.x + p.z, p.y - p.z))
             .collect(),
-        colors: vec![],
-        second_uvs: vec![],
-        tangents: vec![],
         triangles: (0..8_u32)
             .map(|i| {
                 let corner = |axis: u32| axis + if i >> axis & 1 == 0 { 0 } else { 3 };
@@ -220,7 +215,7 @@ fn octahedron(normals: bool) -> Arc<MeshDesc> {
             .collect(),
         slots: vec!["m".to_owned()],
         triangle_slot: vec![0; 8],
-        content_hash: [0; 32],
+        ..MeshDesc::default()
     };
     mesh.content_hash = mesh_hash(&mesh);
     Arc::new(mesh)
@@ -258,16 +253,15 @@ fn octahedra(mesh: Arc<MeshDesc>, kind: ShadingNormals, maps: bool, count: u32) 
             optics: Optics::pinhole(40.0),
             ..CameraDesc::default()
         },
-        views: vec![],
         materials: vec![first, MaterialDesc::new("other")].into(),
         entities: (0..count).map(entity).collect(),
-        lights: vec![],
         environment: Some(EnvironmentDesc {
             source: EnvironmentSource::Color(Vec3::ONE),
             rotation_deg: 0.0,
             scale: 1.0,
             sampling: EnvironmentSampling::Luminance,
         }),
+        ..SceneDesc::default()
     }
 }
 

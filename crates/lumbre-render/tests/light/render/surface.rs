@@ -9,7 +9,7 @@ use lumbre_light::film::Film;
 use lumbre_light::scene::compile::{MaskMode, Material, NONE, Texture, UvMap};
 use lumbre_light::scene::desc::{
     CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Texels,
-    TextureDesc, TextureSlot, Transform, mesh_hash, texture_hash,
+    TextureDesc, TextureSlot, mesh_hash, texture_hash,
 };
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::integrator;
@@ -61,13 +61,11 @@ pub fn mesh_with_second_uvs(
         positions: positions.to_vec(),
         normals: normals.to_vec(),
         uvs: uvs.to_vec(),
-        colors: Vec::new(),
         second_uvs: second_uvs.to_vec(),
-        tangents: Vec::new(),
         triangle_slot: vec![0; triangles.len()],
         triangles,
         slots: vec!["m".to_owned()],
-        content_hash: [0; 32],
+        ..MeshDesc::default()
     };
     mesh.content_hash = mesh_hash(&mesh);
     let camera = CameraDesc {
@@ -76,15 +74,8 @@ pub fn mesh_with_second_uvs(
         optics: Optics::pinhole(40.0),
         ..CameraDesc::default()
     };
-    let entity = EntityDesc {
-        name: "e".to_owned(),
-        transform: Transform::default(),
-        material: None,
-        anisotropic_direction: None,
-        shape: ShapeDesc::Mesh(Arc::new(mesh)),
-    };
+    let entity = EntityDesc::new("e", ShapeDesc::Mesh(Arc::new(mesh)));
     let desc = SceneDesc {
-        views: Vec::new(),
         resolution: [8, 8],
         max_depth: 3,
         camera,
@@ -94,8 +85,7 @@ pub fn mesh_with_second_uvs(
         }]
         .into(),
         entities: vec![entity].into(),
-        lights: vec![],
-        environment: None,
+        ..SceneDesc::default()
     };
     compile(&desc).unwrap().0
 }
@@ -432,24 +422,15 @@ fn vertex_colours_multiply_the_base_colour_of_their_own_mesh() {
         let mut mesh = MeshDesc {
             file: PathBuf::from("m.obj"),
             positions: SQUARE.to_vec(),
-            normals: vec![],
             uvs: vec![Vec2::splat(0.5); 4],
             colors,
-            second_uvs: Vec::new(),
-            tangents: Vec::new(),
             triangles: vec![[0, 1, 1], [0, 1, 2], [0, 2, 3]],
             slots: vec!["m".to_owned()],
             triangle_slot: vec![0; 3],
-            content_hash: [0; 32],
+            ..MeshDesc::default()
         };
         mesh.content_hash = mesh_hash(&mesh);
-        EntityDesc {
-            name: "e".to_owned(),
-            transform: Transform::default(),
-            material: None,
-            anisotropic_direction: None,
-            shape: ShapeDesc::Mesh(Arc::new(mesh)),
-        }
+        EntityDesc::new("e", ShapeDesc::Mesh(Arc::new(mesh)))
     };
     let colors = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::ONE];
     let mut m = MaterialDesc {
@@ -460,14 +441,12 @@ fn vertex_colours_multiply_the_base_colour_of_their_own_mesh() {
     let base = Vec3::new(0.4, 0.4, 0.25);
     let plain = mesh(&SQUARE, &[], &[], MaterialDesc::new("m"));
     let desc = |entities: Vec<EntityDesc>| SceneDesc {
-        views: Vec::new(),
         resolution: [8, 8],
         max_depth: 3,
         camera: plain.camera.clone(),
         materials: vec![m.clone()].into(),
         entities: entities.into(),
-        lights: vec![],
-        environment: None,
+        ..SceneDesc::default()
     };
     // The triangle without area is left out, and the meshes before and after it have no colours.
     let entities = vec![file(vec![]), file(colors.to_vec()), file(vec![])];

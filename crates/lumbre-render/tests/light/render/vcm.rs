@@ -12,10 +12,11 @@ use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL};
 use lumbre_light::value::Value;
 use lumbre_render::{Job, Renderer};
 
-use crate::common::{SceneBuilder, WHITE, grey, job, light, render, render_waves};
+use crate::common::{WHITE, grey, job, light, render, render_waves};
 use crate::render::agreement::{Technique, technique};
 use crate::render::consistent_fixtures::{
-    GLASS, SIGNIFICANCE, boxed, column, constant_job, mean_and_error, panel, spread, varied,
+    GLASS, SIGNIFICANCE, assert_degenerate_scenes_render, boxed, column, constant_job,
+    mean_and_error, panel, spread, varied,
 };
 
 fn vcm() -> Technique {
@@ -136,36 +137,16 @@ fn it_finds_reflected_caustics_with_less_noise_than_connections() {
 
 #[test]
 fn degenerate_scenes_render() {
-    let triangle = |material| {
-        let corners = [
-            Vec3::new(-1.0, 0.0, -2.0),
-            Vec3::new(1.0, 0.0, -2.0),
-            Vec3::Y - Vec3::Z * 2.0,
-        ];
-        SceneBuilder::new(Vec3::ZERO, Vec3::NEG_Z, 60.0).triangle(
-            corners,
-            [glam::Vec2::ZERO; 3],
-            material,
-        )
-    };
     for join in ["both", "connect", "merge"] {
-        let film = |scene: &Arc<CompiledScene>, depth| {
+        let dark = [grey(0.5), GLASS];
+        assert_degenerate_scenes_render(join, (&dark, 4), &[1, 2, 3], |depth| {
             let (row, params) = technique("vcm", &[("join", join.into())]);
-            let job = Job {
+            Job {
                 integrator: row,
                 ..job([8, 8], depth, 1)
             }
-            .with(|settings| settings.params = params);
-            render(scene, job, 4)
-        };
-        let black = film(&triangle(grey(0.5)).build(), 4);
-        assert!(black.sum.iter().all(|sum| *sum == [0.0; 3]), "{join}");
-        let mirrors = film(&triangle(GLASS).build(), 4);
-        assert!(mirrors.sum.iter().all(|sum| *sum == [0.0; 3]), "{join}");
-        for depth in [1, 2, 3] {
-            let lamp = film(&triangle(light(2.0)).build(), depth);
-            assert!(lamp.sum.iter().any(|sum| sum[0] > 7.9), "{join}");
-        }
+            .with(|settings| settings.params = params)
+        });
     }
 }
 

@@ -141,11 +141,11 @@ impl FacetView<'_> {
         let reference = self.references.for_snapshot(snapshot);
         let map = flip.and_then(|flip| flip.error_map(&snapshot.image, reference).ok());
         let flip_bytes = map.map(|map| {
-            let map = Image {
-                width: map.width,
-                height: map.height,
-                data: map.values.iter().map(|v| [*v; 3]).collect(),
-            };
+            let map = Image::from_pixels(
+                map.width,
+                map.height,
+                map.values.iter().map(|v| [*v; 3]).collect(),
+            );
             let byte = |p: &[f32; 3]| (p[0] * 255.0).round() as u8;
             let bytes: Vec<u8> = reduced(&map, shrink).data.iter().map(byte).collect();
             base64(&bytes)

@@ -19,7 +19,7 @@ use self::text::Text;
 use super::mesh::MeshWriter;
 use super::texture::TextureWriter;
 use super::uses::{self, InstanceKey, MeshUses};
-use super::{Exported, OutputFolder, identifier, scene_note, sphere_place};
+use super::{Exported, OutputFolder, identifier, sphere_place};
 use crate::load::environment_square;
 use crate::model_differences;
 use crate::names::UniqueNames;
@@ -110,8 +110,9 @@ impl PbrtWriter<'_> {
         text.number("float yradius", 0.5);
         self.camera(&desc.camera);
         for (name, _) in &desc.views {
-            self.notes.push(scene_note(
-                &format!("views.{name}"),
+            self.notes.push(Note::new(
+                "",
+                format!("views.{name}"),
                 "pbrt supports one camera; this view is left out",
             ));
         }
@@ -256,7 +257,8 @@ impl PbrtWriter<'_> {
     ) -> Result<(), SceneError> {
         if !mesh.colors.is_empty() {
             let place = format!("entities.{stem}");
-            self.notes.push(scene_note(
+            self.notes.push(Note::new(
+                "",
                 &place,
                 "vertex colours are not supported by pbrt; they are left out",
             ));
@@ -341,7 +343,7 @@ impl PbrtWriter<'_> {
                         ConeEdge::Linear => model_differences::PBRT_SPOT,
                         ConeEdge::Smooth => model_differences::PBRT_SMOOTH_SPOT,
                     };
-                    self.notes.push(scene_note(&place, message));
+                    self.notes.push(Note::new("", &place, message));
                 }
                 LightKind::Directional {
                     direction,
@@ -374,7 +376,7 @@ impl PbrtWriter<'_> {
                 self.text.string("string filename", &file);
                 self.text.number("float scale", environment.scale);
                 self.notes
-                    .push(scene_note("environment", model_differences::EQUAL_AREA));
+                    .push(Note::new("", "environment", model_differences::EQUAL_AREA));
             }
         }
         Ok(())

@@ -12,7 +12,7 @@
 use glam::{Affine2, Vec2, Vec3};
 
 use super::super::texture::{TexelConversion, TextureWriter};
-use super::super::{OutputFolder, identifier, scene_note};
+use super::super::{OutputFolder, identifier};
 use super::text::{Text, vector};
 use crate::model_differences;
 use crate::names::UniqueNames;
@@ -92,7 +92,7 @@ impl Surfaces<'_> {
     /// Adds a note about a material.
     fn note(&mut self, m: &MaterialDesc, message: impl Into<String>) {
         let place = format!("materials.{}", m.name);
-        self.notes.push(scene_note(&place, message));
+        self.notes.push(Note::new("", place, message));
     }
 
     /// Writes a named material.

@@ -44,7 +44,7 @@ use crate::names::UniqueNames;
 use lumbre_light::scene::desc::{
     CameraDesc, DEFAULT_MATERIAL, EntityDesc, EnvironmentDesc, EnvironmentSource, LightDesc,
     LightKind, MAX_SIDE, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, TextureDesc,
-    TextureSlot, Transform,
+    TextureSlot,
 };
 use lumbre_light::scene::{Note, SceneError};
 
@@ -429,11 +429,8 @@ impl FolderLoader<'_> {
         };
         o.note_unknown(["name", "material"], self.diagnostics);
         Ok(EntityDesc {
-            name: names.allocate(name),
-            transform: Transform::default(),
             material: Some(material.to_owned()),
-            anisotropic_direction: None,
-            shape: ShapeDesc::Mesh(mesh),
+            ..EntityDesc::new(names.allocate(name), ShapeDesc::Mesh(mesh))
         })
     }
 

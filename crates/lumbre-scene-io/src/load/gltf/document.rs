@@ -53,11 +53,7 @@ impl Document {
     /// Reads a .gltf file with its buffers, or a .glb file.
     pub fn read(path: &Path) -> Result<Document, SceneError> {
         let bytes = read_file(path, MAX_FILE_BYTES)?;
-        let malformed = |place: &str, problem: String| SceneError::Malformed {
-            file: path.to_owned(),
-            place: place.to_owned(),
-            problem,
-        };
+        let malformed = |place: &str, problem: String| SceneError::malformed(path, place, problem);
         let (text, binary) = if bytes.starts_with(GLB_MAGIC) {
             chunks(&bytes).map_err(|problem| malformed("chunks", problem))?
         } else {
@@ -114,11 +110,7 @@ impl Document {
 
     /// Creates an error about a key path.
     pub fn error(&self, place: &str, problem: impl Into<String>) -> SceneError {
-        SceneError::Malformed {
-            file: self.path.clone(),
-            place: place.to_owned(),
-            problem: problem.into(),
-        }
+        SceneError::malformed(self.path.clone(), place, problem)
     }
 
     /// Returns the number of objects in a list of the document.

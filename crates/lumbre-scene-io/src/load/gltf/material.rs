@@ -207,11 +207,7 @@ impl<'a> MaterialReader<'a> {
 
     fn note(&mut self, place: &str, message: impl Into<String>) {
         let (file, place, message) = (self.document.path.clone(), place.to_owned(), message.into());
-        self.notes.push(Note {
-            file,
-            place,
-            message,
-        });
+        self.notes.push(Note::new(file, place, message));
     }
 
     /// Reads the factor on the reflectance at normal incidence, expressed as an index of

@@ -83,14 +83,13 @@ pub(super) fn load(
         .take()
         .unwrap_or_else(|| default_scene::framing_camera(default_scene::bounds(&loader.entities)));
     let desc = SceneDesc {
-        views: Vec::new(),
         resolution: default_scene::DEFAULT_RESOLUTION,
         max_depth: default_scene::DEFAULT_MAX_DEPTH,
         camera,
         materials: loader.materials.into(),
         entities: loader.entities.into(),
         lights: loader.lights,
-        environment: None,
+        ..SceneDesc::default()
     };
     notes.append(&mut loader.notes);
     Ok((desc, notes))
@@ -117,11 +116,7 @@ struct GltfLoader<'a> {
 impl GltfLoader<'_> {
     fn note(&mut self, place: &str, message: impl Into<String>) {
         let (file, place, message) = (self.document.path.clone(), place.to_owned(), message.into());
-        self.notes.push(Note {
-            file,
-            place,
-            message,
-        });
+        self.notes.push(Note::new(file, place, message));
     }
 
     /// Returns a unique name: the given one, or the stem with a number.
@@ -271,11 +266,8 @@ impl GltfLoader<'_> {
         };
         let name = self.name(given, "mesh");
         self.entities.push(EntityDesc {
-            name,
             transform: Transform::framed(world.as_affine3a()),
-            material: None,
-            anisotropic_direction: None,
-            shape: ShapeDesc::Mesh(shape),
+            ..EntityDesc::new(name, ShapeDesc::Mesh(shape))
         });
         Ok(())
     }

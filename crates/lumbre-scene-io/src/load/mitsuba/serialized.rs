@@ -56,10 +56,8 @@ impl SerializedFile {
         let decoded = self
             .expanded(index)
             .and_then(|(version, bytes)| decode(&self.path, version, &bytes));
-        decoded.map_err(|problem| SceneError::Malformed {
-            file: self.path.clone(),
-            place: format!("mesh {index}"),
-            problem,
+        decoded.map_err(|problem| {
+            SceneError::malformed(self.path.clone(), format!("mesh {index}"), problem)
         })
     }
 
@@ -134,13 +132,10 @@ fn decode(path: &Path, version: u16, bytes: &[u8]) -> Result<SerializedMesh, Str
         positions: vectors(positions),
         normals: vectors(normals),
         uvs: uvs.as_chunks().0.iter().map(|v| Vec2::from(*v)).collect(),
-        second_uvs: Vec::new(),
-        tangents: Vec::new(),
-        colors: Vec::new(),
         slots: vec![String::new()],
         triangle_slot: vec![0; triangles.len()],
         triangles,
-        content_hash: [0; 32],
+        ..MeshDesc::default()
     };
     Ok(SerializedMesh {
         mesh,

@@ -85,20 +85,12 @@ impl XmlObject {
 
     /// Creates an error about this object.
     pub fn error(&self, problem: impl Into<String>) -> SceneError {
-        SceneError::Malformed {
-            file: self.file.to_path_buf(),
-            place: self.place(),
-            problem: problem.into(),
-        }
+        SceneError::malformed(self.file.to_path_buf(), self.place(), problem)
     }
 
     /// Creates a note about this object.
     pub fn note(&self, message: impl Into<String>) -> Note {
-        Note {
-            file: self.file.to_path_buf(),
-            place: self.place(),
-            message: message.into(),
-        }
+        Note::new(self.file.to_path_buf(), self.place(), message)
     }
 
     /// Returns the property with this name and marks it as read.

@@ -85,14 +85,14 @@ pub(super) fn load(
                 materials_by_name.entry(plain).or_insert_with(|| m.clone());
                 materials_by_name.entry(m.name.clone()).or_insert(m);
             }),
-            Err(SceneError::Unreadable { reason, .. }) => notes.push(Note {
-                file: path.to_owned(),
-                place: "mtllib".to_owned(),
-                message: format!(
+            Err(SceneError::Unreadable { reason, .. }) => notes.push(Note::new(
+                path,
+                "mtllib",
+                format!(
                     "cannot read {}: {reason}; its materials are white",
                     file.display()
                 ),
-            }),
+            )),
             Err(other) => return Err(other),
         }
     }
@@ -158,22 +158,19 @@ fn load_with_libraries(
     (front, smoothing): (Front, Smoothing),
     notes: &mut Vec<Note>,
 ) -> Result<(MeshDesc, Vec<String>), SceneError> {
-    let malformed = |place: String, problem: String| SceneError::Malformed {
-        file: path.to_owned(),
-        place,
-        problem,
-    };
+    let malformed = |place: String, problem: String| SceneError::malformed(path, place, problem);
     let bytes = read_file(path, MAX_OBJ_BYTES)?;
     // Names and comments in other encodings are common and harmless; numbers are ASCII in all
     // encodings.
     let checked = text::check(&String::from_utf8_lossy(&bytes), smoothing)
         .map_err(|error| malformed(format!("line {}", error.line), error.problem))?;
     drop(bytes);
-    notes.extend(checked.notes.iter().map(|(place, message)| Note {
-        file: path.to_owned(),
-        place: place.clone(),
-        message: message.clone(),
-    }));
+    notes.extend(
+        checked
+            .notes
+            .iter()
+            .map(|(place, message)| Note::new(path, place.clone(), message.clone())),
+    );
     let models = parse(&checked).map_err(|e| malformed("whole file".to_owned(), e.to_string()))?;
     // Large meshes: release the text before the mesh is built.
     drop((checked.vertices, checked.faces));
@@ -185,16 +182,7 @@ fn load_with_libraries(
         slots_by_name: BTreeMap::new(),
         mesh: MeshDesc {
             file: path.to_owned(),
-            positions: Vec::new(),
-            normals: Vec::new(),
-            uvs: Vec::new(),
-            colors: Vec::new(),
-            second_uvs: Vec::new(),
-            tangents: Vec::new(),
-            triangles: Vec::new(),
-            slots: Vec::new(),
-            triangle_slot: Vec::new(),
-            content_hash: [0; 32],
+            ..MeshDesc::default()
         },
     };
     for model in models {

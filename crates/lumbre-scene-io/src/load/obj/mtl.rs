@@ -113,20 +113,13 @@ struct MtlParser<'a> {
 impl MtlParser<'_> {
     /// Adds a note about a line.
     fn note(&mut self, line: usize, message: String) {
-        self.notes.push(Note {
-            file: self.path.to_owned(),
-            place: format!("line {line}"),
-            message,
-        });
+        self.notes
+            .push(Note::new(self.path, format!("line {line}"), message));
     }
 
     /// Creates an error about a line.
     fn error(&self, line: usize, problem: String) -> SceneError {
-        SceneError::Malformed {
-            file: self.path.to_owned(),
-            place: format!("line {line}"),
-            problem,
-        }
+        SceneError::malformed(self.path, format!("line {line}"), problem)
     }
 
     /// Reads one statement.
@@ -505,20 +498,22 @@ impl MtlParser<'_> {
             return Ok(());
         }
         if d == 0.0 {
-            self.notes.push(Note {
-                file: self.path.to_owned(),
-                place: format!("material {}", truncated(&m.name)),
-                message: "its dissolve `d` is 0 (or `Tr` 1), which makes it invisible".to_owned(),
-            });
+            self.notes.push(Note::new(
+                self.path,
+                format!("material {}", truncated(&m.name)),
+                "its dissolve `d` is 0 (or `Tr` 1), which makes it invisible",
+            ));
         }
         let mask = match m.texture(TextureSlot::Mask).cloned() {
             Some(map) => {
                 let scaled = |texel: [f32; 4]| texel.map(|x| d * x);
                 let derived = self.images.derived(&map, &format!("* {d}"), scaled);
-                derived.map_err(|problem| SceneError::Malformed {
-                    file: self.path.to_owned(),
-                    place: format!("material {}", truncated(&m.name)),
-                    problem,
+                derived.map_err(|problem| {
+                    SceneError::malformed(
+                        self.path,
+                        format!("material {}", truncated(&m.name)),
+                        problem,
+                    )
                 })?
             }
             None => Arc::new(TextureDesc::grey(d)),

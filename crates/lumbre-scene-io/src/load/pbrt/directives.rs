@@ -86,11 +86,11 @@ pub(super) fn read(
     reader.loader.version = Version::of(&text);
     reader.all()?;
     if !reader.in_world {
-        return Err(SceneError::Malformed {
-            file: path.to_owned(),
-            place: "end".to_owned(),
-            problem: "the file has no `WorldBegin`: it is not a whole scene".to_owned(),
-        });
+        return Err(SceneError::malformed(
+            path,
+            "end",
+            "the file has no `WorldBegin`: it is not a whole scene",
+        ));
     }
     if let Some(block) = reader.blocks.last() {
         let message = format!("{} has no end", block.name);

@@ -212,12 +212,11 @@ impl Loader {
                 )?
             }
             None => {
-                self.notes.push(Note {
-                    file: self.folder.clone(),
-                    place: "Camera".to_owned(),
-                    message: "the scene has no camera; one that frames the origin is used"
-                        .to_owned(),
-                });
+                self.notes.push(Note::new(
+                    self.folder.clone(),
+                    "Camera",
+                    "the scene has no camera; one that frames the origin is used",
+                ));
                 default_scene::framing_camera(None)
             }
         };

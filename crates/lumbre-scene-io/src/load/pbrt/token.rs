@@ -56,20 +56,20 @@ pub(super) struct Place {
 impl Place {
     /// Creates an error about this place.
     pub fn error(&self, problem: impl Into<String>) -> SceneError {
-        SceneError::Malformed {
-            file: self.file.to_path_buf(),
-            place: format!("line {}", self.line),
-            problem: problem.into(),
-        }
+        SceneError::malformed(
+            self.file.to_path_buf(),
+            format!("line {}", self.line),
+            problem,
+        )
     }
 
     /// Creates a note about this place.
     pub fn note(&self, message: impl Into<String>) -> Note {
-        Note {
-            file: self.file.to_path_buf(),
-            place: format!("line {}", self.line),
-            message: message.into(),
-        }
+        Note::new(
+            self.file.to_path_buf(),
+            format!("line {}", self.line),
+            message,
+        )
     }
 }
 

@@ -49,11 +49,7 @@ impl TextureFiles {
                 file,
                 place,
                 problem,
-            }) => SceneError::Malformed {
-                file,
-                place,
-                problem: format!("{}: {problem}", subject()),
-            },
+            }) => SceneError::malformed(file, place, format!("{}: {problem}", subject())),
             other => return other,
         };
         match diagnostics.missing {

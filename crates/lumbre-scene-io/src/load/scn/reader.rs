@@ -24,20 +24,13 @@ pub(in crate::load) struct Diagnostics {
 impl Diagnostics {
     /// Adds a note about a key path.
     pub fn note(&mut self, place: impl Into<String>, message: impl Into<String>) {
-        self.notes.push(Note {
-            file: self.file.clone(),
-            place: place.into(),
-            message: message.into(),
-        });
+        self.notes
+            .push(Note::new(self.file.clone(), place, message));
     }
 
     /// Creates an error about a key path.
     pub fn error(&self, place: impl Into<String>, problem: impl Into<String>) -> SceneError {
-        SceneError::Malformed {
-            file: self.file.clone(),
-            place: place.into(),
-            problem: problem.into(),
-        }
+        SceneError::malformed(self.file.clone(), place, problem)
     }
 
     /// Returns the path of a file that this one refers to; both `/` and `\` separate folders.
@@ -58,11 +51,11 @@ impl Diagnostics {
                 file,
                 place: inner,
                 problem,
-            } => SceneError::Malformed {
+            } => SceneError::malformed(
                 file,
-                place: inner,
-                problem: format!("{problem} (referenced in {}: {place})", self.file.display()),
-            },
+                inner,
+                format!("{problem} (referenced in {}: {place})", self.file.display()),
+            ),
             other => other,
         }
     }

@@ -134,11 +134,11 @@ impl Frame {
             let other = |c: usize| (n * f64::from(all[c]) - m * f64::from(part[c])) / rest as f64;
             [0, 1, 2].map(|c| other(c) as f32)
         };
-        let second = Image {
-            data: self.image.data.iter().zip(&part.data).map(pixel).collect(),
-            width: part.width,
-            height: part.height,
-        };
+        let second = Image::from_pixels(
+            part.width,
+            part.height,
+            self.image.data.iter().zip(&part.data).map(pixel).collect(),
+        );
         Some(([(**part).clone(), second], [*first, rest]))
     }
 }

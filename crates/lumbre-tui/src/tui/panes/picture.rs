@@ -239,11 +239,7 @@ fn display_image<'c>(
                 .iter()
                 .map(|rgb| rgb.map(|c| f32::from(c) / 255.0))
                 .collect();
-            let image = Image {
-                width: *width,
-                height: *height,
-                data,
-            };
+            let image = Image::from_pixels(*width, *height, data);
             Ok((image, Some(note)))
         }
         PreviewContent::Unavailable(reason) => Err(reason),

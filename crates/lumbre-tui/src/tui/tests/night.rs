@@ -26,7 +26,6 @@ use lumbre_render::{Device, OpenStats};
 
 fn scene() -> SceneDesc {
     SceneDesc {
-        views: Vec::new(),
         resolution: [512, 512],
         max_depth: 5,
         camera: CameraDesc {
@@ -35,10 +34,7 @@ fn scene() -> SceneDesc {
             optics: Optics::pinhole(40.0),
             ..CameraDesc::default()
         },
-        materials: Default::default(),
-        entities: Default::default(),
-        lights: Vec::new(),
-        environment: None,
+        ..SceneDesc::default()
     }
 }
 

@@ -1,3 +1,4 @@
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::Affine3A;
@@ -11,14 +12,10 @@ fn mesh(positions: Vec<Vec3>, normals: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> A
         file: PathBuf::from("m.obj"),
         positions,
         normals,
-        uvs: vec![],
-        colors: vec![],
-        second_uvs: vec![],
-        tangents: Vec::new(),
         triangle_slot: vec![0; triangles.len()],
         triangles,
         slots: vec!["m".to_owned()],
-        content_hash: [0; 32],
+        ..MeshDesc::default()
     };
     m.content_hash = mesh_hash(&m);
     Arc::new(m)
@@ -26,7 +23,6 @@ fn mesh(positions: Vec<Vec3>, normals: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> A
 
 fn scene(shapes: Vec<(ShapeDesc, Transform)>, material: MaterialDesc) -> SceneDesc {
     SceneDesc {
-        views: Vec::new(),
         resolution: [8, 8],
         max_depth: 5,
         camera: CameraDesc {
@@ -40,15 +36,11 @@ fn scene(shapes: Vec<(ShapeDesc, Transform)>, material: MaterialDesc) -> SceneDe
             .into_iter()
             .enumerate()
             .map(|(i, (shape, transform))| EntityDesc {
-                name: format!("e{i}"),
                 transform,
-                material: None,
-                anisotropic_direction: None,
-                shape,
+                ..EntityDesc::new(format!("e{i}"), shape)
             })
             .collect(),
-        lights: vec![],
-        environment: None,
+        ..SceneDesc::default()
     }
 }
 

@@ -9,79 +9,52 @@ use crate::value::schema::{Field, Ty};
 pub const SAMPLES_THAT_TRAIN: u64 = 256;
 
 /// The parameter `training` of `guided`.
-pub const TRAINING: Field = Field {
-    key: "training",
-    ty: TRAINING_RANGE,
-    required: false,
-    default: "256",
-    doc: "number of samples of every pixel from which the tree learns, the first ones; they are part \
-          of the picture",
+pub const TRAINING: Field = crate::field! {
+    training = "256": TRAINING_RANGE,
+        "number of samples of every pixel from which the tree learns, the first ones; they are \
+         part of the picture"
 };
 
 /// Default of [`TRAINING_BEFORE`].
 pub const PATHS_BEFORE: u64 = 32;
 
 /// The parameter `training` of `guided_bdpt`.
-pub const TRAINING_BEFORE: Field = Field {
-    key: "training",
-    ty: TRAINING_RANGE,
-    required: false,
-    default: "32",
-    doc: "number of training paths of every pixel, which are traced before the first sample and \
-          only shape the tree; their time counts as render time",
+pub const TRAINING_BEFORE: Field = crate::field! {
+    training = "32": TRAINING_RANGE,
+        "number of training paths of every pixel, which are traced before the first sample and \
+         only shape the tree; their time counts as render time"
 };
 
 /// Range of the parameter `training`.
-const TRAINING_RANGE: Ty = Ty::Int {
-    min: 1,
-    max: 1 << 20,
-};
+const TRAINING_RANGE: Ty = Ty::int(1, 1 << 20);
 
 /// The parameter `bsdf_fraction`.
-pub const BSDF_FRACTION: Field = Field {
-    key: "bsdf_fraction",
-    ty: Ty::Num {
-        min: 0.05,
-        max: 1.0,
-    },
-    required: false,
-    default: "0.5",
-    doc: "fraction of directions that are sampled by the BSDF; the others are sampled by the tree, \
-          and the density is that of the mixture",
+pub const BSDF_FRACTION: Field = crate::field! {
+    bsdf_fraction = "0.5": Ty::num(0.05, 1.0),
+        "fraction of directions that are sampled by the BSDF; the others are sampled by the tree, \
+         and the density is that of the mixture"
 };
 
 /// The parameter `target`.
-pub const TARGET: Field = Field {
-    key: "target",
-    ty: Ty::Word(&["mean", "variance"]),
-    required: false,
-    default: "mean",
-    doc: "what the tree's density is proportional to: \"mean\" is what paths in a direction \
-          contribute to the picture on average; \"variance\" is the root of their mean square, \
-          which has the least variance but needs longer training [Rath et al. 2020]",
+pub const TARGET: Field = crate::field! {
+    target = "mean": Ty::Word(&["mean", "variance"]),
+        "what the tree's density is proportional to: \"mean\" is what paths in a direction \
+         contribute to the picture on average; \"variance\" is the root of their mean square, \
+         which has the least variance but needs longer training [Rath et al. 2020]"
 };
 
 /// The parameter `split`.
-pub const SPLIT: Field = Field {
-    key: "split",
-    ty: Ty::Num { min: 1.0, max: 1e9 },
-    required: false,
-    default: "1000",
-    doc: "a region of space is divided if more than split * sqrt(2^k) vertices of training \
-          iteration k lie in it [Müller et al. 2017]",
+pub const SPLIT: Field = crate::field! {
+    split = "1000": Ty::num(1.0, 1e9),
+        "a region of space is divided if more than split * sqrt(2^k) vertices of training \
+         iteration k lie in it [Müller et al. 2017]"
 };
 
 /// The parameter `tree_memory`.
-pub const TREE_MEMORY: Field = Field {
-    key: "tree_memory",
-    ty: Ty::Int {
-        min: 1,
-        max: 1 << 16,
-    },
-    required: false,
-    default: "64",
-    doc: "greatest memory of the tree in MiB, while it is trained; a tree that would take more is \
-          divided less",
+pub const TREE_MEMORY: Field = crate::field! {
+    tree_memory = "64": Ty::int(1, 1 << 16),
+        "greatest memory of the tree in MiB, while it is trained; a tree that would take more is \
+         divided less"
 };
 
 /// Quantity to which the density of directions is proportional.

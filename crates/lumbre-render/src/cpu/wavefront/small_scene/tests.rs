@@ -10,7 +10,7 @@ use crate::hierarchy::AccelSpec;
 use lumbre_light::math::rng::{pcg4d, unit};
 use lumbre_light::scene::compile::{MaskMode, Sphere, TriangleAttributes};
 use lumbre_light::scene::desc::{
-    CameraDesc, Lookup, MaterialDesc, SceneDesc, Texels, TextureDesc, TextureSlot, texture_hash,
+    Lookup, MaterialDesc, SceneDesc, Texels, TextureDesc, TextureSlot, texture_hash,
 };
 
 /// Returns a scene without shapes and with three materials: one without a mask, one with a
@@ -36,15 +36,11 @@ fn materials() -> CompiledScene {
     let scene = SceneDesc {
         resolution: [1, 1],
         max_depth: 1,
-        camera: CameraDesc::default(),
-        views: Vec::new(),
         materials: [None, Some(MaskMode::Threshold), Some(MaskMode::Blend)]
             .map(material)
             .into_iter()
             .collect(),
-        entities: Default::default(),
-        lights: Vec::new(),
-        environment: None,
+        ..SceneDesc::default()
     };
     lumbre_light::scene::compile(&scene).unwrap().0
 }

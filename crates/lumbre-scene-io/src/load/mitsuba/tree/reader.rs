@@ -129,22 +129,15 @@ impl Element<'_, '_> {
     /// Creates an error about the element.
     fn error(&self, problem: impl Into<String>) -> SceneError {
         let place = format!("line {}, <{}>", self.line(), self.node.tag_name().name());
-        SceneError::Malformed {
-            file: self.file.to_path_buf(),
-            place,
-            problem: problem.into(),
-        }
+        SceneError::malformed(self.file.to_path_buf(), place, problem)
     }
 }
 
 impl XmlReader<'_> {
     /// Reads a file as an object, and returns its index.
     fn file(&mut self, path: &Path) -> Result<usize, SceneError> {
-        let malformed = |place: String, problem: String| SceneError::Malformed {
-            file: path.to_owned(),
-            place,
-            problem,
-        };
+        let malformed =
+            |place: String, problem: String| SceneError::malformed(path, place, problem);
         let canonical_path = canonical(path);
         if self.files.len() >= MAX_DEPTH || self.files.contains(&canonical_path) {
             return Err(malformed(
@@ -391,13 +384,12 @@ impl XmlReader<'_> {
             return Ok(DAffine3::IDENTITY);
         }
         if (axis.length() - 1.0).abs() > 1e-4 {
-            self.notes.push(Note {
-                file: element.file.to_path_buf(),
-                place: format!("line {}", element.line()),
-                message: "Mitsuba shears by an axis of rotation that is no unit vector, which is \
-                          not supported; the axis is normalised"
-                    .to_owned(),
-            });
+            self.notes.push(Note::new(
+                element.file.to_path_buf(),
+                format!("line {}", element.line()),
+                "Mitsuba shears by an axis of rotation that is no unit vector, which is \
+                          not supported; the axis is normalised",
+            ));
         }
         let axis = axis
             .try_normalize()
@@ -466,11 +458,11 @@ impl XmlReader<'_> {
             "option",
             known.iter().map(String::as_str),
         );
-        Err(SceneError::Malformed {
-            file: path.to_owned(),
-            place: error.path,
-            problem: format!("{}: {}", error.problem, error.help.unwrap_or_default()),
-        })
+        Err(SceneError::malformed(
+            path,
+            error.path,
+            format!("{}: {}", error.problem, error.help.unwrap_or_default()),
+        ))
     }
 
     /// Returns an attribute that must be present.

@@ -42,11 +42,11 @@ pub(super) struct Reference {
 impl Reference {
     /// Creates an error about the reference.
     fn error(&self, problem: String) -> SceneError {
-        SceneError::Malformed {
-            file: self.file.to_path_buf(),
-            place: format!("line {}", self.line),
+        SceneError::malformed(
+            self.file.to_path_buf(),
+            format!("line {}", self.line),
             problem,
-        }
+        )
     }
 }
 
@@ -92,10 +92,12 @@ impl Resolver {
     fn object(&self, index: usize, depth: usize) -> Result<Rc<XmlObject>, SceneError> {
         let state = std::mem::replace(&mut self.states.borrow_mut()[index], State::Started);
         let draft = &self.drafts.objects[index];
-        let error = |problem: String| SceneError::Malformed {
-            file: draft.file.to_path_buf(),
-            place: format!("line {}", draft.line),
-            problem,
+        let error = |problem: String| {
+            SceneError::malformed(
+                draft.file.to_path_buf(),
+                format!("line {}", draft.line),
+                problem,
+            )
         };
         match state {
             State::Unread => {}

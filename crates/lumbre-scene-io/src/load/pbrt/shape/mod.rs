@@ -316,11 +316,7 @@ impl ShapeLoader {
 fn decompressed(path: &Path) -> Result<Vec<u8>, SceneError> {
     let packed = read_file(path, MAX_GZIP_BYTES)?;
     let most = budget(packed.len());
-    let malformed = |problem: String| SceneError::Malformed {
-        file: path.to_owned(),
-        place: "gzip".to_owned(),
-        problem,
-    };
+    let malformed = |problem: String| SceneError::malformed(path, "gzip", problem);
     let expanded = expand(GzDecoder::new(packed.as_slice()), most);
     expanded
         .map_err(|e| malformed(e.to_string()))?
