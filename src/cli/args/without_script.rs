@@ -30,6 +30,11 @@ pub struct PictureArgs {
     /// View of the scene.
     #[arg(long, value_name = "NAME")]
     pub view: Option<String>,
+    /// Light the scene by this map of all directions (.exr, .hdr), as `environment.map=FILE`.
+    ///
+    /// A model without lights stands in it alone, without the studio.
+    #[arg(long, value_name = "FILE")]
+    pub environment: Option<PathBuf>,
 }
 
 /// Options of `lumbre render`.
@@ -147,7 +152,7 @@ pub struct CompareArgs {
 #[derive(Debug)]
 pub enum NewArgs {
     /// A script for a scene.
-    Experiment(NewExperimentArgs),
+    Experiment(Box<NewExperimentArgs>),
     /// A project, by the subcommand `technique`.
     Technique(NewTechniqueArgs),
 }
@@ -161,7 +166,7 @@ impl FromArgMatches for NewArgs {
             Some((TECHNIQUE, inner)) => {
                 NewArgs::Technique(NewTechniqueArgs::from_arg_matches(inner)?)
             }
-            _ => NewArgs::Experiment(NewExperimentArgs::from_arg_matches(matches)?),
+            _ => NewArgs::Experiment(Box::new(NewExperimentArgs::from_arg_matches(matches)?)),
         })
     }
 

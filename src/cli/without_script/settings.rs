@@ -13,8 +13,10 @@ use lumbre_night::experiment::outcome::WaveRow;
 use lumbre_night::experiment::plan::expand;
 use lumbre_night::experiment::spec::{MeasureSpec, ReferenceRequest, Snapshots};
 use lumbre_night::experiment::{ExperimentSpec, Overrides, Plan, Point, ScriptHooks, StopRule};
+use lumbre_night::paths::extension;
 use lumbre_render::Settings;
 use lumbre_render::settings::named;
+use lumbre_scene_io::load::FORMATS;
 
 /// Key of the technique in render tables.
 const INTEGRATOR: &str = "integrator";
@@ -84,10 +86,18 @@ pub fn picture_table(args: &PictureArgs) -> Result<BTreeMap<String, Value>, Fail
     if let Some(view) = &args.view {
         insert(&mut table, "view", view.as_str().into())?;
     }
-    let options = &args.scene.settings;
+    let mut options: BTreeMap<String, Value> = args.scene.settings.iter().cloned().collect();
+    if let Some(map) = &args.environment {
+        let map = map.to_string_lossy().into_owned();
+        named::set(&mut table, "environment.map", Value::Str(map));
+        if is_model(&args.scene.file) {
+            // The stage with an environment alone, which the map then replaces.
+            let stage = options.entry("stage".to_owned());
+            stage.or_insert_with(|| "white".into());
+        }
+    }
     if !options.is_empty() {
-        let options = Value::Map(options.iter().cloned().collect());
-        insert(&mut table, "scene_options", options)?;
+        insert(&mut table, "scene_options", Value::Map(options))?;
     }
     for (index, (key, value)) in args.settings.iter().enumerate() {
         let is_twice = args.settings[..index].iter().any(|(other, _)| other == key);
@@ -97,6 +107,13 @@ pub fn picture_table(args: &PictureArgs) -> Result<BTreeMap<String, Value>, Fail
         named::set(&mut table, key, value.clone());
     }
     Ok(table)
+}
+
+/// Whether files of this name are usually models without lights.
+fn is_model(file: &Path) -> bool {
+    let extension = extension(file);
+    let mut rows = FORMATS.iter();
+    rows.any(|row| row.is_model && row.extensions.contains(&extension.as_str()))
 }
 
 /// Adds a setting to a table.

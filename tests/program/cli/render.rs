@@ -144,3 +144,31 @@ fn an_interrupted_picture_is_written_with_the_samples_so_far() {
     let (image, _) = decode(&std::fs::read(place.path("a.exr")).unwrap());
     assert!(image.mean()[1] > 0.0);
 }
+
+#[test]
+fn a_model_stands_in_the_environment_of_the_command_line() {
+    let place = Workplace::new();
+    let quad = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nf 1 2 3 4\n";
+    place.write("quad.obj", quad);
+    let (_, sky) = render(&place, &["--spp", "4"]);
+    std::fs::write(place.path("sky.exr"), sky).unwrap();
+    let picture = |more: &[&str]| -> Image {
+        let mut args = vec!["render", "--size", "8x8", "--spp", "16", "-o", "b.exr"];
+        args.extend(["--backend", "cpu"]);
+        args.extend(more);
+        place.succeed(&args);
+        decode(&std::fs::read(place.path("b.exr")).unwrap()).0
+    };
+    let lit = picture(&["quad.obj", "--environment", "sky.exr"]);
+    let by_path = picture(&["quad.obj?stage=white", "environment.map=sky.exr"]);
+    assert!(lit == by_path && lit.mean() != [0.0; 3]);
+    assert!(lit != picture(&["quad.obj"]), "that is the studio");
+    // A scene that has no environment gets one.
+    let ball = picture(&["ball.scn", "--environment", "sky.exr"]);
+    assert!(ball != picture(&["ball.scn"]));
+    let error = place.fail(2, &["render", "ball.scn", "--environment", "none.exr"]);
+    assert!(
+        error.contains("environment.map") && error.contains("none.exr"),
+        "{error}"
+    );
+}

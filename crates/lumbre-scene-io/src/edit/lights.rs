@@ -1,12 +1,20 @@
 //! Settings of lights without a surface and of the environment.
 
+use std::path::Path;
+use std::sync::Arc;
+
 use super::{COORDINATE, POINT, Param, has_no, name_and_param, params, scalar, vector};
+use crate::load;
 use lumbre_light::scene::desc::light::CUTOFF_RANGE;
 use lumbre_light::scene::desc::{
     EnvironmentDesc, EnvironmentSampling, EnvironmentSource, LightDesc, LightKind, SceneDesc,
+    TextureDesc,
 };
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{SchemaError, Ty, unknown_key, unknown_name};
+
+/// Last component of the path of the environment map.
+const MAP: &str = "map";
 
 const COLOR: Ty = Ty::nums(3, 0.0, 1e12);
 const DIRECTION: Ty = Ty::nums(3, -COORDINATE, COORDINATE);
@@ -65,6 +73,10 @@ params! {
     "scale": Ty::num(0.0, 1e12), "Factor on the radiance.", |e, v| e.scale = scalar(v);
     "color": COLOR, "The same radiance from every direction; replaces a map.",
         |e, v| e.source = EnvironmentSource::Color(vector(v));
+    "map": Ty::Str,
+        "File of a map of all directions (longitude over latitude), relative to the current folder. \
+         Like `color`, it makes the environment of a scene that has none.",
+        |_, _| {};
     "sampling": Ty::Word(EnvironmentSampling::NAMES),
         "Distribution with which directions towards a map are sampled: in proportion to its \
          `luminance`, or `uniform` over the sphere, which has the same mean and more noise.",
@@ -144,18 +156,43 @@ pub(super) fn set_environment(
         ));
     };
     row.ty.check(path, param, value)?;
-    let Some(environment) = &mut desc.environment else {
-        return Err(SchemaError::new(
-            path,
-            param,
-            "the scene has no environment",
-        ));
+    let source = match param {
+        MAP => Some(EnvironmentSource::Map(map(path, value)?)),
+        "color" => Some(EnvironmentSource::Color(vector(value))),
+        _ => None,
     };
-    (row.set_checked)(environment, value);
+    match (source, &mut desc.environment) {
+        (Some(source), Some(environment)) => environment.source = source,
+        (Some(source), None) => {
+            desc.environment = Some(EnvironmentDesc {
+                source,
+                rotation_deg: 0.0,
+                scale: 1.0,
+                sampling: EnvironmentSampling::default(),
+            });
+        }
+        (None, Some(environment)) => (row.set_checked)(environment, value),
+        (None, None) => {
+            return Err(SchemaError::new(
+                path,
+                param,
+                "the scene has no environment",
+            ));
+        }
+    }
     Ok(())
 }
 
-/// Returns every path that leads to a light or to the environment of this scene.
+/// Reads the file of an environment map.
+fn map(path: &str, file: &Value) -> Result<Arc<TextureDesc>, SchemaError> {
+    let file = Path::new(file.as_str().unwrap_or_default());
+    // Notes about the file are reported where a scene names it, not here.
+    let read = load::texture(file, &mut Vec::new());
+    let read = read.map_err(|e| SchemaError::new(path, MAP, e.to_string()))?;
+    Ok(Arc::new(read))
+}
+
+/// Returns every path that leads to a number or word of a light or of the environment of this scene.
 pub(super) fn paths(desc: &SceneDesc) -> Vec<String> {
     let light_paths = |l: &LightDesc| {
         settings(l)
@@ -167,6 +204,7 @@ pub(super) fn paths(desc: &SceneDesc) -> Vec<String> {
         paths.extend(
             ENVIRONMENT_PARAMS
                 .iter()
+                .filter(|row| row.name != MAP)
                 .map(|row| format!("environment.{}", row.name)),
         );
     }
