@@ -10,7 +10,7 @@ use lumbre_night::experiment::plan::ReferenceSource;
 use lumbre_night::experiment::spec::{FigureSpec, TableFormat};
 use lumbre_night::experiment::{Night, NightSummary, Outcome, Plan};
 use lumbre_night::store::Store;
-use lumbre_report::report::requested;
+use lumbre_report::report::{self, ReportOptions, Study, requested};
 use lumbre_report::{plot, summary};
 
 /// Prints the backends of a plan with their devices, and why `auto` selects one of them.
@@ -186,6 +186,18 @@ pub(super) fn print_locations(store: &Store, plan: &Plan, night: &Night) {
         "all values {}",
         display_path(&folder.join("summary.csv"))
     ));
+}
+
+/// Prints which technique is best, by how much and how certainly, as the report says it.
+pub(super) fn print_answer(results: &Night) {
+    let options = ReportOptions::default();
+    // A night without measurements has no answer.
+    let Ok(study) = Study::new(std::slice::from_ref(results), &options) else {
+        return;
+    };
+    for sentence in report::answer(&study, &options) {
+        print_status(&format!("\n{sentence}"));
+    }
 }
 
 /// Returns the exit code of a night whose tables and figures were written, or not. A night that was

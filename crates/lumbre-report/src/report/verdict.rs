@@ -6,7 +6,8 @@ use std::ops::Range;
 
 use super::Pictures;
 use super::item::ReportItem;
-use super::study::Study;
+use super::study::{ReportOptions, Study};
+use super::tables::equal_time;
 use crate::clock;
 use crate::common_error;
 use crate::comparison::{Contrast, LEVEL};
@@ -153,6 +154,22 @@ impl Verdict {
             "verdict", "Answer", caption, files, provenance,
         ))
     }
+}
+
+/// Returns the answer of a study in short: one sentence for every metric by which series can be
+/// compared, as the first ones of its report.
+pub fn answer(study: &Study, options: &ReportOptions) -> Vec<String> {
+    if study.series.len() < 2 {
+        return Vec::new();
+    }
+    let of_metric = |metric: usize| {
+        let table = equal_time(study, options, metric)?;
+        Some(columns(study, metric, &table))
+    };
+    let metrics = (0..study.metrics.len()).filter(|metric| !is_root_of_shown(study, *metric));
+    let columns = metrics.filter_map(of_metric).flatten();
+    let compared = columns.filter(|column| column.winners.iter().any(Option::is_some));
+    compared.map(|column| sentence(&column)).collect()
 }
 
 /// Explanation of the table of winners.

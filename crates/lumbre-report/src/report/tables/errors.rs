@@ -129,7 +129,11 @@ pub(in crate::report) fn common_time(
 }
 
 /// Builds the table of a metric at equal render time.
-pub(super) fn equal_time(study: &Study, options: &ReportOptions, metric: usize) -> Option<Table> {
+pub(in crate::report) fn equal_time(
+    study: &Study,
+    options: &ReportOptions,
+    metric: usize,
+) -> Option<Table> {
     let spec = &study.metrics[metric];
     let times: Vec<Option<f64>> = (0..study.facets.len())
         .map(|f| common_time(study, options, f))

@@ -14,7 +14,7 @@ use crate::provenance::Provenance;
 use crate::quantity::{Bound, RunValue};
 use crate::table::ranking::Ranking;
 use crate::table::{Digits, Table, TableCell, TableKind};
-pub(super) use errors::{common_error, common_time};
+pub(super) use errors::{common_error, common_time, equal_time};
 
 /// Explanation of bold and ± at the end of captions. The HTML page shows it once.
 pub(super) const TEST: &str = "Bold: best value of its row and group, significantly better than \
@@ -40,7 +40,7 @@ pub fn all(
 ) -> Result<Vec<ReportItem>, ReportError> {
     let mut tables = Vec::new();
     for metric in 0..study.metrics.len() {
-        tables.extend(errors::equal_time(study, options, metric));
+        tables.extend(equal_time(study, options, metric));
         tables.extend(
             errors::equal_error(study, metric).filter(|table| !repeats_one_of(&tables, table)),
         );
