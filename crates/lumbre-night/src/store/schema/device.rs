@@ -2,7 +2,7 @@
 //! earlier versions.
 
 use super::run::{OpenCost, RunResults};
-use super::{Field, RecordRow};
+use super::{RecordRow, field_rows};
 use lumbre_render::Device;
 use lumbre_render::device::Features;
 
@@ -11,79 +11,44 @@ pub(crate) const DEVICE: RecordRow = RecordRow {
     name: "Device",
     doc: "Device that renders, with what decides its speed. A field is `null` if it is unknown or does \
           not apply.",
-    fields: &[
-        Field {
-            name: "name",
-            doc: "`cpu`, the model of a graphics device as its driver reports it, or what an external \
-                  program states.",
-        },
-        Field {
-            name: "kind",
-            doc: "`processor`, `graphics`, `emulated_graphics` for a software driver, `mock` for none, \
-                  `external` for another device of an external program, or `unknown`.",
-        },
-        Field {
-            name: "vendor",
-            doc: "Number of the vendor of a graphics device, as assigned by the PCI-SIG or, above 65535, by \
-                  Khronos.",
-        },
-        Field {
-            name: "threads",
-            doc: "Number of threads of the processor that render.",
-        },
-        Field {
-            name: "driver",
-            doc: "Name and version of the driver of a graphics device.",
-        },
-        Field {
-            name: "features",
-            doc: "Features that decide its speed.",
-        },
-        Field {
-            name: "peer",
-            doc: "External program that renders.",
-        },
-    ],
+    fields: field_rows! {
+        name:
+            "`cpu`, the model of a graphics device as its driver reports it, or what an external \
+             program states.";
+        kind:
+            "`processor`, `graphics`, `emulated_graphics` for a software driver, `mock` for none, \
+             `external` for another device of an external program, or `unknown`.";
+        vendor:
+            "Number of the vendor of a graphics device, as assigned by the PCI-SIG or, above \
+             65535, by Khronos.";
+        threads: "Number of threads of the processor that render.";
+        driver: "Name and version of the driver of a graphics device.";
+        features: "Features that decide its speed.";
+        peer: "External program that renders.";
+    },
 };
 
 /// Fields of [`Features`], which files store as it is.
 pub(crate) const FEATURES: RecordRow = RecordRow {
     name: "Features",
     doc: "Features of a device that decide its speed.",
-    fields: &[
-        Field {
-            name: "hierarchy",
-            doc: "Bounding volume hierarchy of this program that rays traverse, with its settings.",
-        },
-        Field {
-            name: "instructions",
-            doc: "Instruction set of the processor, such as `avx2`.",
-        },
-        Field {
-            name: "lanes",
-            doc: "Number of paths that the processor traces at a time, one in each lane of a vector.",
-        },
-        Field {
-            name: "tracing",
-            doc: "Way in which a graphics device traces rays, such as `ray queries`.",
-        },
-    ],
+    fields: field_rows! {
+        hierarchy:
+            "Bounding volume hierarchy of this program that rays traverse, with its settings.";
+        instructions: "Instruction set of the processor, such as `avx2`.";
+        lanes: "Number of paths that the processor traces at a time, one in each lane of a vector.";
+        tracing: "Way in which a graphics device traces rays, such as `ray queries`.";
+    },
 };
 
 /// Fields of [`Peer`], which files store as it is.
 pub(crate) const PEER: RecordRow = RecordRow {
     name: "Peer",
     doc: "External program that renders.",
-    fields: &[
-        Field {
-            name: "program",
-            doc: "Name of the program, with its version if known.",
-        },
-        Field {
-            name: "wall_clock",
-            doc: "Whether its render time is the wall-clock time of its processes.",
-        },
-    ],
+    fields: field_rows! {
+        program: "Name of the program, with its version if known.";
+        wall_clock: "Whether its render time is the wall-clock time of its processes.";
+    },
 };
 
 impl OpenCost {

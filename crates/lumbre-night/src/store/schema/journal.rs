@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::run::{BiasCheckFile, OpenCost};
 use super::values::{Named, Real};
-use super::{Field, RecordRow, Version, records};
+use super::{RecordRow, Version, field_rows, records};
 use crate::experiment::forecast::Forecast;
 use crate::experiment::outcome::Level;
 use crate::experiment::shards::Shard;
@@ -18,28 +18,13 @@ use lumbre_render::{Device, OpenStats};
 pub(crate) const FORECAST: RecordRow = RecordRow {
     name: "Forecast",
     doc: "An estimate of the remaining time.",
-    fields: &[
-        Field {
-            name: "seconds",
-            doc: "Wall-clock seconds of the runs that can be estimated.",
-        },
-        Field {
-            name: "at_most",
-            doc: "Whether it is an upper bound.",
-        },
-        Field {
-            name: "rough",
-            doc: "Whether part of it is estimated from other scenes or the smoke pass.",
-        },
-        Field {
-            name: "known",
-            doc: "Number of runs that are included.",
-        },
-        Field {
-            name: "unknown",
-            doc: "Number of runs that cannot be estimated.",
-        },
-    ],
+    fields: field_rows! {
+        seconds: "Wall-clock seconds of the runs that can be estimated.";
+        at_most: "Whether it is an upper bound.";
+        rough: "Whether part of it is estimated from other scenes or the smoke pass.";
+        known: "Number of runs that are included.";
+        unknown: "Number of runs that cannot be estimated.";
+    },
 };
 
 /// Name of the journal in a night's folder.

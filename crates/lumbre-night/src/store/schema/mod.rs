@@ -316,7 +316,17 @@ macro_rules! files {
     )+ };
 }
 
-pub(crate) use {files, records};
+/// Declares the fields of a record that is serialised by hand, by one row each: `NAME: "DOC";`.
+macro_rules! field_rows {
+    ($($name:ident: $doc:literal;)+) => {
+        &[$($crate::store::schema::Field {
+            name: stringify!($name),
+            doc: $doc,
+        }),+]
+    };
+}
+
+pub(crate) use {field_rows, files, records};
 
 #[cfg(test)]
 mod tests {
