@@ -313,6 +313,13 @@ impl PicturePair {
                      errors by `--stderr`",
                 ));
             }
+            let exact = variances.iter().zip(&self.files);
+            for (_, file) in exact.filter(|(variance, _)| variance.is_none()) {
+                let file = display_path(file);
+                self.print_note(&format!(
+                    "{file} counts as exact: no picture of its standard errors is given"
+                ));
+            }
         }
         let results = limits.iter().map(|limit| limit.check(images, &variances));
         results.collect()
@@ -383,8 +390,8 @@ impl PicturePair {
     }
 }
 
-/// Returns the variance of every pixel of a picture: the squares of the given standard errors, or
-/// the variance that Lumbre stores beside a reference.
+/// Returns the variance of every pixel of a picture: the squares of the given standard errors, or of
+/// those that Lumbre stores beside a reference.
 fn variance_of(
     picture: &Path,
     errors: Option<&PathBuf>,
@@ -392,9 +399,9 @@ fn variance_of(
 ) -> Result<Option<Image>, Failure> {
     let beside = picture.with_file_name(NOISE);
     let is_reference = picture.file_stem().is_some_and(|stem| stem == "ref");
-    let (file, is_variance) = match errors {
-        Some(file) => (file, false),
-        None if is_reference && beside.is_file() => (&beside, true),
+    let file = match errors {
+        Some(file) => file,
+        None if is_reference && beside.is_file() => &beside,
         None => return Ok(None),
     };
     let read = read_picture(file, &Evidence::default()).map_err(Failure::usage)?;
@@ -409,13 +416,8 @@ fn variance_of(
             image.height
         )));
     }
-    if !is_variance {
-        variance
-            .data
-            .as_flattened_mut()
-            .iter_mut()
-            .for_each(|x| *x *= *x);
-    }
+    let errors = variance.data.as_flattened_mut();
+    errors.iter_mut().for_each(|x| *x *= *x);
     Ok(Some(variance))
 }
 

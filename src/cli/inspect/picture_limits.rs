@@ -98,6 +98,14 @@ impl Limit {
                     mean: images[i],
                     variance: variances[i].as_ref().unwrap_or(&exact),
                 });
+                let broken = [a, b].map(|estimate| [estimate.mean, estimate.variance]);
+                if let Some([x, y]) = broken.as_flattened().iter().find_map(|i| not_finite(i)) {
+                    return Ok(LimitResult {
+                        limit: text.clone(),
+                        found: format!("a picture or its noise is not finite, first at {x},{y}"),
+                        holds: false,
+                    });
+                }
                 let result = check_bias(a, b, *rate);
                 Ok(LimitResult {
                     limit: text.clone(),
@@ -120,6 +128,13 @@ impl Limit {
             }
         }
     }
+}
+
+/// Returns the column and row of the first pixel that is not finite.
+fn not_finite(image: &Image) -> Option<[usize; 2]> {
+    let is_broken = |pixel: &[f32; 3]| pixel.iter().any(|x| !x.is_finite());
+    let at = image.data.iter().position(is_broken)?;
+    Some([at % image.width as usize, at / image.width as usize])
 }
 
 impl LimitResult {

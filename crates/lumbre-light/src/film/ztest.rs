@@ -73,7 +73,8 @@ struct Sums {
     squared_lone: [f64; 2],
 }
 
-/// Ratio of the variances of a pixel in both images from which the larger one is lone.
+/// Ratio of the shares that a pixel has in the noise of both images, from which that in the image with
+/// the larger share is lone. Shares do not depend on how many samples an image has.
 const LONE: f64 = 4.0;
 
 /// Effective share of the pixels that have the noise of an image, from which it is taken to be
@@ -160,9 +161,9 @@ pub struct Blocks {
     pub judged: Vec<Judged>,
     /// Dark blocks one by one. They show where light is, but are not significant on their own.
     pub dark: Vec<Judged>,
-    /// Deviates of the differences of the channel sums over the whole image; 0 where a few pixels
-    /// have most of the noise.
-    pub whole: [f64; 3],
+    /// Deviates of the differences of the channel sums over the whole image; `None` where a few
+    /// pixels have most of the noise.
+    pub whole: [Option<f64>; 3],
     /// Ratio of the sums over the whole picture, first over second; NaN where the second is black.
     pub ratio: f64,
 }
@@ -193,6 +194,7 @@ pub fn compare(first: Estimate, second: Estimate, block: u32, bright_enough: f64
         ratio,
         z: whole
             .into_iter()
+            .flatten()
             .max_by(|a, b| a.abs().total_cmp(&b.abs()))
             .unwrap_or_default(),
     }
@@ -221,6 +223,10 @@ pub fn blocks(first: Estimate, second: Estimate, block: u32, bright_enough: f64)
             p: normal_two_sided_p(z),
         }
     };
+    let totals = [first, second].map(|e| {
+        let mean = e.variance.mean();
+        mean.map(|variance| variance * e.variance.data.len() as f64)
+    });
     let mut whole = [Sums::default(); 3];
     let mut blocks = Vec::new();
     for (bx, by) in (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y))) {
@@ -233,7 +239,9 @@ pub fn blocks(first: Estimate, second: Estimate, block: u32, bright_enough: f64)
             {
                 let variance = [first, second].map(|e| f64::from(e.variance.at(x, y)[c]));
                 let lone = [0, 1].map(|i| {
-                    let is_lone = variance[i] > LONE * variance[1 - i];
+                    let [own, other] = [totals[i][c], totals[1 - i][c]];
+                    // An image without noise shows nothing about that of the other.
+                    let is_lone = variance[i] * other >= LONE * variance[1 - i] * own;
                     if is_lone { variance[i] } else { 0.0 }
                 });
                 sums.add(Sums {
@@ -271,7 +279,7 @@ pub fn blocks(first: Estimate, second: Estimate, block: u32, bright_enough: f64)
     Blocks {
         judged,
         dark: dark_blocks,
-        whole: whole.map(|sums| if sums.is_shared() { sums.z() } else { 0.0 }),
+        whole: whole.map(|sums| sums.is_shared().then(|| sums.z())),
         ratio: first / second,
     }
 }
