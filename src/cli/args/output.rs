@@ -52,7 +52,7 @@ pub struct DiffArgs {
     /// Read the standard error of every pixel from this picture, for `--fail ztest`; repeat it for
     /// the second picture.
     ///
-    /// The variance `noise.exr` beside a reference of Lumbre is found without this option. A
+    /// The standard error `noise.exr` beside a reference of Lumbre is found without this option. A
     /// picture without either counts as exact.
     #[arg(long, value_name = "FILE")]
     pub stderr: Vec<PathBuf>,
