@@ -323,6 +323,31 @@ fn limits_of_a_difference_decide_the_exit_code_and_are_written_for_other_tests()
         xml.contains("name=\"ztest=1e-3\">\n    <failure message=\"") && xml.contains("differ"),
         "{xml}"
     );
+    // The standard errors beside a reference are found; as variances they would hide 1 %.
+    write("ref.exr", &noisy(1, 0.02, 1.01));
+    write("noise.exr", &Image::from_fn(64, 64, |_, _| [0.02; 3]));
+    write("exact.exr", &noisy(1, 0.0, 1.0));
+    let stored = ["diff", "ref.exr", "exact.exr", "--fail", "ztest=1e-3"];
+    let found = place.run(&stored);
+    assert_eq!(found.status, 5, "{}", found.stdout);
+    assert!(
+        found.stderr.contains("exact.exr counts as exact"),
+        "{}",
+        found.stderr
+    );
+    // A pixel that is not finite is no pixel that agrees.
+    let mut broken = noisy(1, 0.02, 1.0);
+    broken.data[64 * 3 + 5][1] = f32::NAN;
+    write("broken.exr", &broken);
+    let found = diff("broken.exr", &["ztest=1e-3"]);
+    assert_eq!(found.status, 5, "{}", found.stdout);
+    assert!(
+        found
+            .stdout
+            .contains("1 pixel not finite, the first at 5,3"),
+        "{}",
+        found.stdout
+    );
     for (args, part) in [
         (
             vec!["diff", "a.exr", "b.exr", "--fail", "ztest=1e-3"],
