@@ -58,9 +58,7 @@ impl<'a> CommonError<'a> {
     pub fn exceeds_noise(&self) -> bool {
         let pictures = f64::from(self.pictures);
         let squared = |sums: &[f64; 3]| sums.iter().map(|sum| sum * sum).sum::<f64>();
-        let of_mean = self.sums.iter().map(squared).sum::<f64>()
-            / (3 * self.sums.len()) as f64
-            / (pictures * pictures);
+        let of_mean = self.per_value(self.sums.iter().map(squared).sum());
         let noise = (self.squares / pictures - of_mean) * pictures / (pictures - 1.0);
         self.pictures > 1 && self.common() > noise
     }
@@ -82,10 +80,14 @@ impl<'a> CommonError<'a> {
         let weighted = |(total, pixels): &([f64; 3], f64)| {
             total.iter().map(|sum| sum * sum / pixels).sum::<f64>()
         };
+        self.per_value(squares.iter().map(weighted).sum())
+    }
+
+    /// Returns the mean over pixels and channels of the squared mean error of all pictures, from the
+    /// sum over both of the squared sum of errors.
+    fn per_value(&self, sum: f64) -> f64 {
         let pictures = f64::from(self.pictures);
-        squares.iter().map(weighted).sum::<f64>()
-            / (3 * self.sums.len()) as f64
-            / (pictures * pictures)
+        sum / (3 * self.sums.len()) as f64 / (pictures * pictures)
     }
 }
 

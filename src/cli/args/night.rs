@@ -5,9 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::cluster;
-use super::script::ScriptArgs;
-use super::typed::axis_values;
-use lumbre_light::value::Value;
+use super::script::{PlanChanges, ScriptArgs};
 use lumbre_night::experiment::comparison_groups::Affinity;
 use lumbre_night::experiment::spec::Deadline;
 
@@ -20,22 +18,9 @@ pub struct RunArgs {
     /// [default: the latest night]. Its last command is repeated.
     #[arg(required_unless_present_any = ["retry", "failed"])]
     pub script: Option<PathBuf>,
-    /// Replace the values of an axis, or set any setting of the render table, as in `depth=5,9` or
-    /// `technique=nee resolution=64x48`.
-    ///
-    /// A setting may be a path, such as `aa.filter=gaussian` or `materials.floor.roughness=0.2`. It
-    /// holds for the reference too, but for the technique and its parameters. Several values are
-    /// an axis of their own.
-    #[arg(value_name = "NAME=V,V", value_parser = axis_values)]
-    pub axes: Vec<(String, Vec<Value>)>,
-    /// Run only cells with this value of an axis (repeatable).
-    #[arg(long, value_name = "AXIS=VALUE", value_parser = axis_values)]
-    pub only: Vec<(String, Vec<Value>)>,
-    /// Render pictures with an eighth of the pixels, for a sixteenth of the time and samples.
-    ///
-    /// The same plan, to see whether it works. Results have other ids.
-    #[arg(long)]
-    pub quick: bool,
+    /// Changes of the plan.
+    #[command(flatten)]
+    pub changes: PlanChanges,
     /// Limits and devices of the night.
     #[command(flatten)]
     pub night: NightArgs,
@@ -68,9 +53,7 @@ impl RunArgs {
         };
         Some(ScriptArgs {
             script: self.script.clone().filter(is_script)?,
-            axes: self.axes.clone(),
-            quick: self.quick,
-            only: self.only.clone(),
+            changes: self.changes.clone(),
         })
     }
 }

@@ -7,11 +7,19 @@ use clap::Args;
 use super::typed::axis_values;
 use lumbre_light::value::Value;
 
-/// Script of an experiment, with changes of its axes.
+/// Script of an experiment, with changes of its plan.
 #[derive(Args, Clone, Debug, Default)]
 pub struct ScriptArgs {
     /// Script of the experiment (.lua).
     pub script: PathBuf,
+    /// Changes of its plan.
+    #[command(flatten)]
+    pub changes: PlanChanges,
+}
+
+/// Changes of the plan that a script makes.
+#[derive(Args, Clone, Debug, Default)]
+pub struct PlanChanges {
     /// Replace the values of an axis, or set any setting of the render table, as in `depth=5,9` or
     /// `technique=nee resolution=64x48`.
     ///

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value as Json, json};
 
-use super::picture_limits::{Limit, LimitResult, junit};
+use super::picture_limits::{Limit, LimitResult, junit, not_finite};
 use crate::cli::args::{DiffArgs, Global, MetricArgs, split, value};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
-use crate::cli::format::{self, counted, display_path};
+use crate::cli::format::{self, display_path};
 use crate::cli::json;
 use lumbre_light::film::Image;
 use lumbre_light::value::Value;
@@ -279,16 +279,9 @@ impl PicturePair {
                 .notes
                 .iter()
                 .for_each(|note| pair.print_note(&format!("{}: {note}", display_path(path))));
-            let not_finite = |p: &[f32; 3]| p.iter().any(|x| !x.is_finite());
-            if let Some(at) = picture.image.data.iter().position(not_finite) {
-                let n = picture.image.data.iter().filter(|p| not_finite(p)).count();
-                let (x, y) = (at % a[0] as usize, at / a[0] as usize);
+            if let Some(found) = not_finite(&picture.image) {
                 // Printed even with `--quiet`, since it makes the measured values doubtful.
-                print_status(&format!(
-                    "warning: {}: {} not finite, the first at {x},{y}",
-                    display_path(path),
-                    counted(n, "pixel")
-                ));
+                print_status(&format!("warning: {}: {found}", display_path(path)));
             }
         }
         Ok(pair)

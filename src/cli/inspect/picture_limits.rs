@@ -4,7 +4,7 @@
 use serde_json::{Value as Json, json};
 
 use crate::cli::exit::Failure;
-use crate::cli::format::rounded;
+use crate::cli::format::{counted, rounded};
 use lumbre_light::film::Image;
 use lumbre_light::film::ztest::Estimate;
 use lumbre_metrics::{Better, MetricSpec};
@@ -98,11 +98,11 @@ impl Limit {
                     mean: images[i],
                     variance: variances[i].as_ref().unwrap_or(&exact),
                 });
-                let broken = [a, b].map(|estimate| [estimate.mean, estimate.variance]);
-                if let Some([x, y]) = broken.as_flattened().iter().find_map(|i| not_finite(i)) {
+                let all = [a, b].map(|estimate| [estimate.mean, estimate.variance]);
+                if let Some(found) = all.as_flattened().iter().find_map(|i| not_finite(i)) {
                     return Ok(LimitResult {
                         limit: text.clone(),
-                        found: format!("a picture or its noise is not finite, first at {x},{y}"),
+                        found: format!("a picture or its noise has {found}"),
                         holds: false,
                     });
                 }
@@ -130,11 +130,13 @@ impl Limit {
     }
 }
 
-/// Returns the column and row of the first pixel that is not finite.
-fn not_finite(image: &Image) -> Option<[usize; 2]> {
-    let is_broken = |pixel: &[f32; 3]| pixel.iter().any(|x| !x.is_finite());
-    let at = image.data.iter().position(is_broken)?;
-    Some([at % image.width as usize, at / image.width as usize])
+/// Describes the pixels of a picture that are not finite, if there are any: how many, and the first.
+pub(super) fn not_finite(image: &Image) -> Option<String> {
+    let is_broken = |pixel: &&[f32; 3]| pixel.iter().any(|x| !x.is_finite());
+    let at = image.data.iter().position(|pixel| is_broken(&pixel))?;
+    let (x, y) = (at % image.width as usize, at / image.width as usize);
+    let count = counted(image.data.iter().filter(is_broken).count(), "pixel");
+    Some(format!("{count} not finite, the first at {x},{y}"))
 }
 
 impl LimitResult {

@@ -95,9 +95,9 @@ pub fn expand_plan(
             .collect()
     };
     let overrides = Overrides {
-        axes: args.axes.clone(),
-        quick: args.quick,
-        only: args.only.iter().flat_map(pairs).collect(),
+        axes: args.changes.axes.clone(),
+        quick: args.changes.quick,
+        only: args.changes.only.iter().flat_map(pairs).collect(),
         backend: global.backend.clone(),
         elsewhere,
         commands,

@@ -87,8 +87,8 @@ fn caveats(
     caveats.extend(floor_caveat(night, reference_technique(comparison)));
     caveats.extend(night.noisy_references());
     let finished = || night.runs.iter().filter(|run| run.is_done());
-    let mut leading = found.iter().filter(|v| v.contrast.is_significant());
-    let leader = leading.next().map(|verdict| verdict.better.clone());
+    let leader = found.iter().find(|v| v.contrast.is_significant());
+    let leader = leader.map(|verdict| verdict.better.clone());
     let has_common_error = |leader: &String| {
         let runs = finished().filter(|run| run.integrator == *leader);
         let read = |path: &Path| read_picture(path, evidence).ok();

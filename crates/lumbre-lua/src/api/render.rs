@@ -12,7 +12,7 @@ use lumbre_light::value::schema::{SchemaError, unknown_key, unknown_name};
 use lumbre_night::experiment::plan::integrator_help;
 use lumbre_render::Settings;
 use lumbre_render::external::technique::VALUES;
-use lumbre_render::settings::{Given, SETTINGS, Setting};
+use lumbre_render::settings::{Given, SETTINGS, setting};
 
 /// Checks a render table and converts it. `externals` are the techniques that the script declares.
 /// Error paths begin with `path`.
@@ -188,7 +188,7 @@ pub fn merge(
         .is_some_and(|i| own.get("integrator") != Some(i));
     let mut merged: BTreeMap<String, Value> = own
         .iter()
-        .filter(|(k, _)| row_of(k).map_or(!other, |row| row.inherited))
+        .filter(|(k, _)| setting(k).map_or(!other, |row| row.inherited))
         .map(|(k, v)| (k.clone(), v.clone()))
         .collect();
     for (key, value) in overrides {
@@ -207,12 +207,7 @@ pub fn merge(
 
 /// Returns whether a key belongs to the render table itself, not to an integrator.
 pub fn is_setting(key: &str) -> bool {
-    row_of(key).is_some()
-}
-
-/// Returns the row of a key that belongs to the render table itself, not to an integrator.
-fn row_of(key: &str) -> Option<&'static Setting> {
-    SETTINGS.iter().find(|row| row.field.key == key)
+    setting(key).is_some()
 }
 
 /// Sets the key of an error.

@@ -37,6 +37,11 @@ pub struct Setting {
     pub identity: fn(&Settings) -> Option<(&'static str, Value)>,
 }
 
+/// Returns the row of a key of the render table; `None` for a parameter of an integrator.
+pub fn setting(key: &str) -> Option<&'static Setting> {
+    SETTINGS.iter().find(|row| row.field.key == key)
+}
+
 /// Number of edges of a path.
 pub const EDGES: Ty = Ty::int(1, 10_000);
 

@@ -14,7 +14,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 pub use self::given::Given;
-pub use self::keys::{EDGES, INTEGRATOR_NAMES, LIBRARY, SETTINGS, Setting};
+pub use self::keys::{EDGES, INTEGRATOR_NAMES, LIBRARY, SETTINGS, Setting, setting};
 pub use self::stored::StoredSettings;
 use crate::Job;
 use crate::denoise::{Denoise, GUIDES};

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::keys::SETTINGS;
+use super::keys::{SETTINGS, setting};
 use lumbre_light::transport::integrator::integrators;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::Ty;
@@ -16,7 +16,7 @@ const SCENE: [&str; 5] = ["camera", "materials", "entities", "lights", "environm
 /// of `set`.
 fn keys(name: &str) -> Option<Vec<&str>> {
     let (head, rest) = name.split_once('.').unwrap_or((name, ""));
-    let row = SETTINGS.iter().find(|row| row.field.key == head);
+    let row = setting(head);
     let is_table = row.is_some_and(|row| matches!(row.field.ty, Ty::Table(_)));
     match row {
         _ if name == "technique" => Some(vec!["integrator"]),
@@ -43,9 +43,8 @@ pub fn is_setting(name: &str) -> bool {
 /// not its technique.
 pub fn is_inherited(name: &str) -> bool {
     let key = keys(name).and_then(|keys| keys.first().copied());
-    let row = |key| SETTINGS.iter().find(|row| row.field.key == key);
     let key = key.filter(|key| *key != "integrator");
-    key.and_then(row).is_some_and(|row| row.inherited)
+    key.and_then(setting).is_some_and(|row| row.inherited)
 }
 
 /// Returns the names of settings for suggestions; without paths of the scene.

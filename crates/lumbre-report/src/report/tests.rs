@@ -180,6 +180,11 @@ fn picture(path: &Path) -> Result<Image, String> {
 }
 
 fn report(nights: &[Night], options: &ReportOptions) -> Report {
+    report_with(nights, options, &picture)
+}
+
+/// Makes a report whose pictures a function returns.
+fn report_with(nights: &[Night], options: &ReportOptions, pictures: &Pictures) -> Report {
     let study = Study::new(nights, options).unwrap();
     let link = |path: &Path| path.display().to_string();
     let command = |path: &Path| format!("lumbre reproduce {}/final.exr", path.display());
@@ -187,7 +192,7 @@ fn report(nights: &[Night], options: &ReportOptions) -> Report {
         &study,
         options,
         &ReportContext {
-            pictures: &picture,
+            pictures,
             problems: &Vec::new,
             link: &link,
             command: &command,
@@ -673,17 +678,7 @@ fn each_series_is_compared_with_its_own_reference() {
             ..image
         })
     };
-    let nights = [own];
-    let study = Study::new(&nights, &ReportOptions::default()).unwrap();
-    let (link, command) = (|_: &Path| String::new(), |_: &Path| String::new());
-    let context = ReportContext {
-        pictures: &brighter,
-        problems: &Vec::new,
-        link: &link,
-        command: &command,
-        again: "lumbre report out/latest",
-    };
-    let made = build(&study, &ReportOptions::default(), &context).unwrap();
+    let made = report_with(&[own], &ReportOptions::default(), &brighter);
     let caption = &item(&made, "figures/crops-equal-time-box").caption;
     assert!(
         caption.contains("the one shown is that of bpt"),

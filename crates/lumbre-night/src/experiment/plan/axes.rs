@@ -31,20 +31,27 @@ pub struct Overrides {
     pub commands: bool,
 }
 
+/// Factor by which [`Overrides::quick`] shortens times and samples.
+const QUICK_FACTOR: u64 = 16;
+
 /// Description of [`Overrides::quick`].
 pub(super) const QUICK: &str = "--quick (an eighth of the pixels, a sixteenth of the time)";
 
 impl Overrides {
     /// Returns the stop rule of a run by the script's.
     pub(super) fn stop(&self, rule: StopRule) -> StopRule {
-        if self.quick { rule.divided(16) } else { rule }
+        if self.quick {
+            rule.divided(QUICK_FACTOR)
+        } else {
+            rule
+        }
     }
 
     /// Returns the measurements of a run by the script's.
     pub(super) fn measure(&self, measure: &MeasureSpec) -> MeasureSpec {
         let mut measure = measure.clone();
         if self.quick {
-            measure.every_s /= 16.0;
+            measure.every_s /= QUICK_FACTOR as f64;
         }
         measure
     }

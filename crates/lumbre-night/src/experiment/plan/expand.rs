@@ -37,10 +37,7 @@ pub fn expand(
     load_scene: &mut LoadScene<'_>,
 ) -> Result<Plan, PlanError> {
     let axes = axes::select(&spec.axes, overrides, spec.repeats)?;
-    let names = axes.iter().flat_map(|axis| axis.names.iter().cloned());
-    let mut builder = Builder::new(spec, hooks, overrides, load_scene);
-    builder.axes = names.collect();
-    builder.settings = given_settings(&axes, spec, overrides.quick);
+    let mut builder = Builder::new(spec, &axes, hooks, overrides, load_scene);
     for point in axes::points(&axes) {
         builder.add(point)?;
     }
@@ -106,29 +103,27 @@ struct Builder<'a> {
 impl<'a> Builder<'a> {
     fn new(
         spec: &'a ExperimentSpec,
+        axes: &[Axis],
         hooks: &'a dyn ScriptHooks,
         overrides: &'a Overrides,
         load: &'a mut LoadScene<'a>,
     ) -> Builder<'a> {
+        let names = axes.iter().flat_map(|axis| axis.names.iter().cloned());
+        let measure = overrides.measure(&spec.measure);
         Builder {
             spec,
             hooks,
             overrides,
             resolver: Resolver::new(load, overrides),
-            axes: Vec::new(),
-            settings: Vec::new(),
+            axes: names.collect(),
+            settings: given_settings(axes, spec, overrides.quick),
             columns: spec
                 .measure
                 .metrics
                 .iter()
                 .map(|metric| metric.column.clone())
                 .collect(),
-            measure: [false, true].map(|measured| {
-                Arc::new(identity::measure(
-                    &overrides.measure(&spec.measure),
-                    measured,
-                ))
-            }),
+            measure: [false, true].map(|measured| Arc::new(identity::measure(&measure, measured))),
             paths: Paths::default(),
             pending: Vec::new(),
             cells: Vec::new(),

@@ -15,6 +15,7 @@ use crate::quantity::{Bound, RunValue};
 use crate::table::ranking::Ranking;
 use crate::table::{Digits, Table, TableCell, TableKind};
 pub(super) use errors::{common_error, common_time, equal_time};
+use lumbre_night::experiment::night::run::Run;
 
 /// Explanation of bold and ± at the end of captions. The HTML page shows it once.
 pub(super) const TEST: &str = "Bold: best value of its row and group, significantly better than \
@@ -170,17 +171,16 @@ fn fill_table(
         let mut complete = Vec::new();
         for series in 0..study.series.len() {
             let finished = study.finished(facet, series);
-            let (run_ids, values): (Vec<String>, Vec<RunValue>) = finished
+            let known = finished
                 .iter()
-                .filter_map(|m| Some((m.run.id.clone(), value(facet, m)?)))
-                .unzip();
+                .filter_map(|m| Some((m.run, value(facet, m)?)));
+            let (runs, values): (Vec<&Run>, Vec<RunValue>) = known.unzip();
             complete.push(values.len() == finished.len());
             cells.push(TableCell {
-                run_ids,
+                run_ids: runs.iter().map(|run| run.id.clone()).collect(),
                 ..TableCell::mean(&values, ranking)
             });
-            let repeats = finished.iter().filter(|m| value(facet, m).is_some());
-            samples.push(repeats.map(|m| m.run.repeat).zip(values).collect());
+            samples.push(runs.iter().map(|run| run.repeat).zip(values).collect());
         }
         let mut first = 0;
         for (_, span) in &table.groups {

@@ -28,8 +28,6 @@ fn the_page_begins_with_the_winners() {
 
 #[test]
 fn a_winner_whose_runs_have_an_error_in_common_has_a_caveat() {
-    let nights = [night("GPU", 1.0)];
-    let study = Study::new(&nights, &ReportOptions::default()).unwrap();
     let caveats = |dark: &str| {
         let pictures = |path: &Path| {
             let mut image = picture(path)?;
@@ -38,15 +36,8 @@ fn a_winner_whose_runs_have_an_error_in_common_has_a_caveat() {
             }
             Ok(image)
         };
-        let (link, command) = (|_: &Path| String::new(), |_: &Path| String::new());
-        let context = ReportContext {
-            pictures: &pictures,
-            problems: &Vec::new,
-            link: &link,
-            command: &command,
-            again: "lumbre report out/latest",
-        };
-        let made = build(&study, &ReportOptions::default(), &context).unwrap();
+        let nights = [night("GPU", 1.0)];
+        let made = report_with(&nights, &ReportOptions::default(), &pictures);
         text(&made, "verdict", "md")
     };
     assert!(!caveats("none").contains("in common"));
@@ -244,17 +235,7 @@ fn crops_show_the_least_noisy_reference_and_warn_if_references_differ() {
                 ..image
             })
         };
-        let nights = [own.clone()];
-        let study = Study::new(&nights, &ReportOptions::default()).unwrap();
-        let (link, command) = (|_: &Path| String::new(), |_: &Path| String::new());
-        let context = ReportContext {
-            pictures: &pictures,
-            problems: &Vec::new,
-            link: &link,
-            command: &command,
-            again: "lumbre report out/latest",
-        };
-        let made = build(&study, &ReportOptions::default(), &context).unwrap();
+        let made = report_with(&[own.clone()], &ReportOptions::default(), &pictures);
         let svg = text(&made, "figures/crops-equal-time-box", "svg");
         assert!(svg.contains(">reference of nee</text>"));
         let caption = item(&made, "figures/crops-equal-time-box").caption.clone();
