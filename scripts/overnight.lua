@@ -1,14 +1,16 @@
 -- scripts/overnight.lua: the whole study of thesis S0, section 5, in one experiment.
 --
---     lumbre run scripts/overnight.lua --until 08:00   runs until 8:00; repeat it to resume
+--     lumbre run scripts/overnight.lua --until 08:00   about eight hours; repeat it to resume
 --     lumbre run scripts/overnight.lua quick=true      all stages, small and noisy: two minutes on
 --                                                      two cores
+--     lumbre run scripts/overnight.lua full=true       as in the thesis: several nights
 --     lumbre report out/latest                         figures, tables and page, at any time
 --
 -- The protocol is that of thesis S0 (docs/bibliography.md), by section:
 --
 --   5.1.2  1280x720, five path edges, the Disney model; every technique renders its own reference
---          in 50 minutes, since the pictures of two techniques may differ slightly
+--          in 50 minutes, since the pictures of two techniques may differ slightly. Without
+--          `full=true`: 640x360, and `bdpt` renders one reference for all techniques in 16 minutes
 --   5.1.3  every half second of render time the picture is kept and MSE, RMSE, SSIM and FLIP are
 --          computed on linear radiance; the gamma of 1/2.2 applies to displayed pictures only
 --   5.2    four families of scenes from easy to hard: a box with mirror and glass, lamps that hide
@@ -26,9 +28,12 @@
 -- its rates are not comparable with those of other stages. Techniques sample one light at each
 -- vertex; `lights = "all"` in the render table samples all of them, as the thesis does.
 --
--- The full study takes 48 references of 50 minutes, once, and 153 runs of 5 minutes: about 53
--- hours, several nights, and about 120 GB for the kept pictures unless `png` is removed from `keep`
--- below. Finished runs are kept. References are in out/refs for every later experiment.
+-- By default: 16 references of 16 minutes and 153 runs of a minute, about eight hours with the
+-- measurements, and 3 GB of pictures. With `full=true`: 48 references of 50 minutes and 153 runs of 5
+-- minutes, about 53 hours. The thesis keeps a picture at every measurement, too: `png = "every"` in
+-- `keep` below does, and takes 120 GB. Each stage begins with its references, so that the first curves
+-- stand after half an hour. Finished runs are kept. References are in out/refs for every later
+-- experiment.
 --
 -- Results in out/latest:
 --     figures/convergence_*   SSIM and RMSE against render time by technique, per stage and depth
@@ -54,6 +59,7 @@ local stages = {
 
 -- An axis with one value can be replaced on the command line: `quick=true`.
 x:axis("quick", { false })
+x:axis("full", { false })
 x:axis("stage", {
   "cornell-balls", "cornell-spheres", "bedroom", "veach-lamps", "atrium-sky", "gallery-sky", "atrium-lamps",
   "gallery-lamps", "veach-films",
@@ -83,14 +89,16 @@ x:render(function(p)
     scene_options = stage.options,
     integrator = p.technique,
     max_depth = p.depth,
-    resolution = p.quick and { 80, 45 } or { 1280, 720 },
+    resolution = p.quick and { 80, 45 } or p.full and { 1280, 720 } or { 640, 360 },
     films = films(p),
   }
 end)
 
--- Each technique is measured against its own reference of far more time. A shared one would be
--- x:reference { from = function(p) return { integrator = "bdpt" } end, stop = stop.time("50min") }.
-x:reference { stop = function(p) return stop.time(p.quick and "1.5s" or "50min") end }
+-- With `full=true`, as in the quick night, each technique is measured against its own reference.
+x:reference {
+  from = function(p) return (p.quick or p.full) and {} or { integrator = "bdpt" } end,
+  stop = function(p) return stop.time(p.quick and "1.5s" or p.full and "50min" or "16min") end,
+}
 
 x:measure {
   every = "0.5s",
@@ -99,10 +107,10 @@ x:measure {
   ssim = metric.ssim { range = 1 },
   flip = metric.flip(),
   display = tonemap.gamma { gamma = 2.2 },
-  keep = { exr = "pow2", png = "every" },
+  keep = { exr = "pow2" },
 }
 
-x:stop(function(p) return stop.time(p.quick and "0.4s" or "5min") end)
+x:stop(function(p) return stop.time(p.quick and "0.4s" or p.full and "5min" or "1min") end)
 
 x:figure("convergence", { x = "render_s", y = { "ssim", "rmse" }, by = "technique", facet = { "stage", "depth" } })
 x:figure("depth", { x = "render_s", y = { "ssim" }, by = "depth", facet = { "stage", "technique" } })

@@ -150,6 +150,7 @@ fn dispatch(cli: &Cli) -> Result<Exit, Failure> {
         Verb::Watch(args) => inspect::watch::main(args, global, &log),
         Verb::Status(args) => inspect::status::main(args, global),
         Verb::Ls(args) => inspect::list::ls(args, global),
+        Verb::Note(args) => inspect::note::main(args, global),
         Verb::Show(args) => inspect::list::show(args, global),
         Verb::Schema(args) => about::schema::main(args),
         Verb::Doctor(args) => about::doctor::main(args, global),

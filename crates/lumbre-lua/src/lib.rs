@@ -50,6 +50,7 @@ use kind::kind;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::SchemaError;
 use lumbre_night::experiment::ExperimentSpec;
+use lumbre_night::experiment::spec::Presentation;
 use lumbre_night::paths::folder_of;
 use lumbre_render::Settings;
 use state::{Purpose, Shared};
@@ -235,9 +236,14 @@ fn finish(
         aa_check: builder.aa_check.is_some(),
         figures: builder.figures.iter().map(|(f, _)| f.clone()).collect(),
         tables: builder.tables.iter().map(|(t, _)| t.clone()).collect(),
-        report: builder
-            .report
-            .as_ref()
-            .map_or_else(Default::default, |(report, _)| report.clone()),
+        report: {
+            let report = builder.report.as_ref().map(|(report, _)| report.clone());
+            let report = report.unwrap_or_default();
+            Presentation {
+                display: report.display.or(builder.display),
+                notes: builder.notes.clone(),
+                ..report
+            }
+        },
     })
 }

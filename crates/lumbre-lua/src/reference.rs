@@ -121,7 +121,7 @@ const SECTIONS: &[Section] = &[
         title: "Figures and tables",
         intro: "Figures and tables are written when a night ends; `lumbre report` draws many more \
                 without any declaration.",
-        functions: &["x:report", "x:figure", "x:table", "time_to"],
+        functions: &["x:report", "x:note", "x:figure", "x:table", "time_to"],
         extra: None,
     },
     Section {

@@ -11,7 +11,7 @@ use lumbre_light::value::markdown::{row, sentence, table_head};
 const GROUPS: &[(&str, &[&str])] = &[
     ("Without a script", &["render", "explore", "compare", "new"]),
     ("Experiments", &["run", "plan", "check"]),
-    ("Progress", &["watch", "status", "ls", "show"]),
+    ("Progress", &["watch", "status", "ls", "note", "show"]),
     (
         "Results",
         &["report", "view", "metric", "diff", "reproduce"],
@@ -35,6 +35,7 @@ const OPTIONS: &[(&str, &[&str])] = &[
             "watch",
             "status",
             "ls",
+            "note",
             "show",
             "report",
             "view",
@@ -116,6 +117,7 @@ const OPTIONS: &[(&str, &[&str])] = &[
             "watch",
             "status",
             "ls",
+            "note",
             "show",
             "report",
             "view",

@@ -1,4 +1,5 @@
-//! Options of the verbs that inspect nights and runs: `explain`, `watch`, `status`, `ls`, `show`.
+//! Options of the verbs that inspect nights and runs: `explain`, `watch`, `status`, `ls`,
+//! `note`, `show`.
 
 use std::path::PathBuf;
 
@@ -9,6 +10,10 @@ use clap::Args;
 pub struct WatchArgs {
     /// Night: its folder, `latest`, or words of its name [default: the latest one].
     pub folder: Option<PathBuf>,
+    /// Serve the page of the report instead, for a browser of this machine, until Ctrl-C ends it.
+    /// Takes a free port unless one is given.
+    #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "0")]
+    pub page: Option<u16>,
 }
 
 /// Options of `lumbre status`.
@@ -19,6 +24,15 @@ pub struct StatusArgs {
     /// Print as JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+/// Options of `lumbre note`.
+#[derive(Args, Debug)]
+pub struct NoteArgs {
+    /// Night: its folder, `latest`, or words of its name.
+    pub night: PathBuf,
+    /// Text of the note; words that start with `#` are tags. Without it, all notes are printed.
+    pub text: Option<String>,
 }
 
 /// States of runs by which `lumbre ls` filters.
@@ -41,7 +55,8 @@ pub enum StateName {
 /// Options of `lumbre ls`.
 #[derive(Args, Debug)]
 pub struct LsArgs {
-    /// Show only runs that contain all these words in their experiment, path, id or reason.
+    /// Show only runs that contain all these words in their experiment, the notes on it, their
+    /// path, id or reason.
     ///
     /// Examples: `depth=5`, `veach`
     pub words: Vec<String>,

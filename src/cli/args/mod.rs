@@ -18,7 +18,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 
 pub use cluster::{CancelArgs, JobArgs, Scheduler, SubmitArgs, WorkArgs};
-pub use inspect::{LsArgs, ShowArgs, StatusArgs, WatchArgs};
+pub use inspect::{LsArgs, NoteArgs, ShowArgs, StatusArgs, WatchArgs};
 pub use measure::{BenchArgs, VerifyArgs};
 pub use night::{NightArgs, PlanArgs, RunArgs};
 pub use output::{DiffArgs, MetricArgs, ReportArgs, ReproduceArgs, ViewArgs};
@@ -225,6 +225,11 @@ pub enum Verb {
     Status(StatusArgs),
     /// List experiments and the states of their runs.
     Ls(LsArgs),
+    /// Take a note on a night, or print its notes.
+    ///
+    /// Notes stand on the page of the report. `lumbre ls` shows their tags, and finds nights by
+    /// their words.
+    Note(NoteArgs),
     /// Show the configuration, last measurements and files of one run, or why it is rendered again.
     Show(ShowArgs),
     /// Print the script interface for editors and other programs.

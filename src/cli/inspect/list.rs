@@ -138,9 +138,11 @@ fn filter_runs(experiments: &mut Vec<Listed>, args: &LsArgs) -> bool {
     for experiment in experiments.iter_mut() {
         let folder = experiment.night.folder.file_name().unwrap_or_default();
         let folder = folder.to_string_lossy();
+        let notes = experiment.night.plan.report.notes.join(" ");
         let matches = |line: &Line| {
             let reason = line.state.reason();
-            let text = format!("{folder} {} {} {reason}", line.path, line.id).to_lowercase();
+            let text = format!("{folder} {} {} {reason} {notes}", line.path, line.id);
+            let text = text.to_lowercase();
             (states.is_empty() || states.iter().any(|state| state == line.state.name()))
                 && words.iter().all(|word| text.contains(word))
         };
@@ -173,8 +175,10 @@ fn headline(experiment: &Listed, filtered: bool) -> String {
         experiment.runs.len(),
         if filtered { "matching cell" } else { "cell" },
     );
+    let tags = experiment.night.plan.report.tags().into_iter();
+    let tags: String = tags.map(|tag| format!("  {tag}")).collect();
     format!(
-        "{}  {cells}: {}\n",
+        "{}  {cells}: {}{tags}\n",
         display_path(&experiment.night.folder),
         counts.join(", ")
     )
@@ -223,6 +227,7 @@ fn experiment_json(experiment: &Listed) -> Json {
         "name": experiment.night.plan.name,
         "folder": display_path(&experiment.night.folder),
         "hash": experiment.night.plan.hash,
+        "notes": experiment.night.plan.report.notes,
         "runs": experiment.runs.iter().map(run).collect::<Vec<_>>(),
         "references": experiment.references.iter().map(run).collect::<Vec<_>>(),
     })

@@ -1,4 +1,4 @@
-//! Verbs that read results: `ls`, `show`, `status`, `watch`, `explain`, `report`, `view`, `metric`
+//! Verbs that read results: `ls`, `show`, `status`, `watch`, `note`, `report`, `view`, `metric`
 //! and `diff`.
 
 pub(in crate::cli) mod compare;
@@ -7,6 +7,8 @@ pub(in crate::cli) mod export_night;
 pub mod follow;
 mod guiding;
 pub mod list;
+pub(in crate::cli) mod note;
+mod page_server;
 mod picture_limits;
 pub(in crate::cli) mod report;
 pub(in crate::cli) mod status;

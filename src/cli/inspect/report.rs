@@ -38,37 +38,10 @@ pub fn main(args: &ReportArgs, global: &Global) -> Result<Exit, Failure> {
         (None, []) => return Err(Failure::usage("no night was given")),
     };
     let options = report_options(args);
-    if nights
-        .iter()
-        .all(|night| night.runs.iter().all(|run| run.rows.is_empty()))
-    {
-        return Err(nothing_measured(&nights[0].folder, &evidence));
-    }
-    let study = Study::new(&nights, &options).map_err(report_failure)?;
+    check_measured(&nights, &evidence)?;
     store::probe(&to).map_err(Failure::usage)?;
     let to = std::fs::canonicalize(&to).unwrap_or(to);
-    let link = |path: &Path| relative_url(&to, path);
-    let command = |run: &Path| {
-        format!(
-            "lumbre reproduce {}",
-            quoted(&display_path(&run.join("final.exr")))
-        )
-    };
-    let folders = nights
-        .iter()
-        .map(|night| quoted(&display_path(&night.folder)));
-    let mut again = format!("lumbre report {}", folders.collect::<Vec<_>>().join(" "));
-    if args.to.is_some() {
-        again += &format!(" --to {}", quoted(&display_path(&to)));
-    }
-    let context = ReportContext {
-        pictures: &|path| read_picture(path, &evidence),
-        problems: &|| evidence.problems(),
-        link: &link,
-        command: &command,
-        again: &again,
-    };
-    let report = report::build(&study, &options, &context).map_err(report_failure)?;
+    let report = build(&nights, &options, &evidence, &to, None)?;
     write_files(&report, &to)?;
     let problems = evidence.problems();
     print_problems(&problems);
@@ -81,6 +54,41 @@ pub fn main(args: &ReportArgs, global: &Global) -> Result<Exit, Failure> {
         print_result(&format!("{}\n", display_path(&to.join("index.html"))))?;
     }
     Ok(Exit::unless_problems(!problems.is_empty()))
+}
+
+/// Builds the report of nights for a folder `to`. `live` is the number of this state of a night
+/// whose page is served.
+pub(in crate::cli) fn build(
+    nights: &[Night],
+    options: &ReportOptions,
+    evidence: &Evidence,
+    to: &Path,
+    live: Option<u64>,
+) -> Result<Report, Failure> {
+    let study = Study::new(nights, options).map_err(report_failure)?;
+    let link = |path: &Path| relative_url(to, path);
+    let command = |run: &Path| {
+        format!(
+            "lumbre reproduce {}",
+            quoted(&display_path(&run.join("final.exr")))
+        )
+    };
+    let folders = nights
+        .iter()
+        .map(|night| quoted(&display_path(&night.folder)));
+    let mut again = format!("lumbre report {}", folders.collect::<Vec<_>>().join(" "));
+    if nights.iter().all(|night| night.folder.join("report") != to) {
+        again += &format!(" --to {}", quoted(&display_path(to)));
+    }
+    let context = ReportContext {
+        pictures: &|path| read_picture(path, evidence),
+        problems: &|| evidence.problems(),
+        link: &link,
+        command: &command,
+        again: &again,
+        live,
+    };
+    report::build(&study, options, &context).map_err(report_failure)
 }
 
 /// Returns the items of a report with their files, and its notes, as JSON.
@@ -107,19 +115,27 @@ fn print_problems(problems: &[String]) {
     }
 }
 
-/// Prints the problems of nights of which no run can be reported, and returns the error.
-fn nothing_measured(folder: &Path, evidence: &Evidence) -> Failure {
+/// Refuses nights of which no run can be reported, and prints why.
+pub(in crate::cli) fn check_measured(nights: &[Night], evidence: &Evidence) -> Result<(), Failure> {
+    let mut runs = nights.iter().flat_map(|night| &night.runs);
+    let Some(first) = nights
+        .first()
+        .filter(|_| runs.all(|run| run.rows.is_empty()))
+    else {
+        return Ok(());
+    };
     let problems = evidence.problems();
     print_problems(&problems);
-    let folder = display_path(folder);
-    if problems.is_empty() {
-        return Failure::usage(format!(
+    let folder = display_path(&first.folder);
+    Err(if problems.is_empty() {
+        Failure::usage(format!(
             "{folder}: no run has been measured yet; render the experiment first"
-        ));
-    }
-    Failure::damaged(format!(
-        "{folder}: no run is left to report; run the experiment again to repair it"
-    ))
+        ))
+    } else {
+        Failure::damaged(format!(
+            "{folder}: no run is left to report; run the experiment again to repair it"
+        ))
+    })
 }
 
 /// Converts the options of the command line.
@@ -210,7 +226,7 @@ fn relative_url(from: &Path, to: &Path) -> String {
 }
 
 /// Percent-encodes one component of a URL.
-fn percent_encoded(part: &str) -> String {
+pub(in crate::cli) fn percent_encoded(part: &str) -> String {
     let is_plain = |b: u8| b.is_ascii_alphanumeric() || b"-_.=+,~".contains(&b);
     part.bytes()
         .map(|b| {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::follow::{apply, open_follower};
-use super::status;
+use super::{page_server, status};
 use crate::cli::args::{Global, StatusArgs, WatchArgs};
 use crate::cli::exit::{Exit, Failure};
 use crate::cli::night::log::Log;
@@ -26,6 +26,9 @@ const EXIT_POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Runs `lumbre watch`: shows a night in the dashboard, or prints its status without a terminal.
 pub fn main(args: &WatchArgs, global: &Global, log: &Log) -> Result<Exit, Failure> {
+    if let Some(port) = args.page {
+        return page_server::main(args.folder.as_deref(), port, global);
+    }
     let env = |name: &str| std::env::var(name).ok();
     let whole_screen =
         tui::output_mode(std::io::stdout().is_terminal(), &env) == tui::OutputMode::Dashboard;

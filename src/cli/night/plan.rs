@@ -26,6 +26,9 @@ use lumbre_night::store::schema::plan::PlanFile;
 use lumbre_night::store::{Archive, plan_file, throughput_history};
 use lumbre_render::shaders::ShaderFolder;
 
+/// Most points that are listed which one rule leaves out.
+const MOST_SKIPPED: usize = 8;
+
 /// Runs `lumbre plan`: prints the plan of a script.
 pub fn main(args: &PlanArgs, global: &Global) -> Result<Exit, Failure> {
     let (_, plan) = load::load_plan(&args.script, PlanUse::Show, global)?;
@@ -166,14 +169,17 @@ impl<'a> Outlook<'a> {
             out.push('\n');
         }
         out += &format::aligned(&self.cell_lines());
-        for skipped in &plan.skipped {
-            let point: Vec<String> = skipped
-                .point
-                .iter()
-                .map(|(axis, value)| format!("{axis}={value}"))
-                .collect();
-            // Writing to a String cannot fail.
-            let _ = writeln!(out, "skipped {}: {}", point.join(" "), skipped.reason);
+        // Writing to a String cannot fail.
+        for (reason, count) in plan.skip_reasons() {
+            if count > MOST_SKIPPED {
+                let _ = writeln!(out, "skipped {count} points (all with --json): {reason}");
+                continue;
+            }
+            for skipped in plan.skipped.iter().filter(|s| s.reason == reason) {
+                let point = skipped.point.iter();
+                let point: Vec<String> = point.map(|(a, v)| format!("{a}={v}")).collect();
+                let _ = writeln!(out, "skipped {}: {reason}", point.join(" "));
+            }
         }
         let count = |found: &[Option<String>]| found.iter().flatten().count();
         let _ = writeln!(

@@ -52,7 +52,7 @@ pub(in crate::cli) fn write_results(
     let write = |name: &str, bytes: &[u8]| store.write(name, bytes).map_err(Failure::internal);
     write("summary.csv", summary::csv(plan, night).as_bytes())?;
     for spec in &plan.tables {
-        for table in requested::tables(plan, results, spec) {
+        for table in requested::tables(results, spec) {
             for format in &spec.formats {
                 let (extension, text) = match format {
                     TableFormat::Md => ("md", table.to_text()),
@@ -66,7 +66,7 @@ pub(in crate::cli) fn write_results(
         }
     }
     for spec in &plan.figures {
-        for figure in requested::figures(plan, results, spec) {
+        for figure in requested::figures(results, spec) {
             let stem = &figure.stem;
             write(&format!("figures/{stem}.svg"), figure.svg.as_bytes())?;
             write(&format!("figures/{stem}.csv"), figure.csv.as_bytes())?;
@@ -100,7 +100,7 @@ pub(in crate::cli) fn print_tables(plan: &Plan, results: &Night) -> Result<(), F
     let tables = plan
         .tables
         .iter()
-        .flat_map(|spec| requested::tables(plan, results, spec));
+        .flat_map(|spec| requested::tables(results, spec));
     print_result(
         &tables
             .map(|table| table.to_text())

@@ -20,7 +20,7 @@ use crate::experiment::fixtures::{
 const CELL: CellRef = CellRef::Cell(0);
 
 #[test]
-fn references_come_first_and_then_the_cells_in_order() {
+fn references_come_before_the_cells_that_need_them() {
     let mut lab = depths([3, 5]).measured();
     lab.spec.repeats = 2;
     lab.stop = Box::new(|_| Ok(StopRule::Samples(3)));
@@ -57,8 +57,10 @@ fn references_come_first_and_then_the_cells_in_order() {
         })
     };
     let mut expected = vec!["night started".to_owned()];
-    expected.extend((0..2).flat_map(reference));
-    expected.extend((0..4).flat_map(cell));
+    for i in 0..2 {
+        expected.extend(reference(i));
+        expected.extend((2 * i..2 * i + 2).flat_map(cell));
+    }
     expected.push("night finished".to_owned());
     // The scene has no light, which the compiler may report.
     let labels: Vec<String> = recorder
@@ -305,8 +307,8 @@ fn finished_cells_and_references_are_not_rendered_again() {
         [
             "night started",
             "cached r0",
-            "cached r1",
             "cached c0",
+            "cached r1",
             "cached c1",
             "night finished"
         ]

@@ -21,6 +21,7 @@ mod nights;
 #[cfg(unix)]
 mod notices;
 mod overrides;
+mod page_server;
 #[cfg(unix)]
 mod plugins;
 mod reading;

@@ -98,6 +98,43 @@ fn check_reads_scripts_and_scenes_and_writes_nothing() {
 }
 
 #[test]
+fn notes_are_taken_listed_and_found() {
+    let place = Workplace::new();
+    let script = std::fs::read_to_string(place.path("night.lua")).unwrap();
+    let noted = script.replace("return x", "x:note(\"first try #draft\")\nreturn x");
+    std::fs::write(place.path("night.lua"), noted).unwrap();
+    place.succeed(&["run", "night.lua", "-q"]);
+    place.succeed(&["note", "latest", "chosen for <figure> 3 #final"]);
+    let notes = place.succeed(&["note", "latest"]).stdout;
+    let lines: Vec<&str> = notes.lines().collect();
+    assert_eq!((lines[0], lines.len()), ("first try #draft", 2));
+    assert!(
+        lines[1].ends_with(" chosen for <figure> 3 #final"),
+        "{notes}"
+    );
+    let listed = place.succeed(&["ls", "#final"]).stdout;
+    assert!(listed.contains("  #draft  #final\n"), "{listed}");
+    assert_eq!(place.succeed(&["ls", "#other"]).stdout, "");
+    assert!(
+        place
+            .fail(2, &["note", "latest", "two\nlines"])
+            .contains("a line")
+    );
+    place.succeed(&["report", "latest", "-q"]);
+    let page = std::fs::read_to_string(place.path("out/latest/report/index.html")).unwrap();
+    assert!(page.contains("chosen for &lt;figure&gt; 3 #final"));
+    // A damaged file of notes is named, and never written over.
+    let file = place.path("out/latest/notes.json");
+    std::fs::write(&file, "{").unwrap();
+    assert!(
+        place
+            .fail(2, &["note", "latest", "more"])
+            .contains("notes.json")
+    );
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), "{");
+}
+
+#[test]
 fn ls_and_show_print_the_stored_results() {
     let place = Workplace::new();
     let nothing = place.succeed(&["ls"]);

@@ -7,6 +7,7 @@ use mlua::Function;
 use super::rule::RuleObject;
 use crate::source::SourcePlace;
 use lumbre_light::value::Value;
+use lumbre_metrics::tonemap::Tonemap;
 use lumbre_night::experiment::StopRule;
 use lumbre_night::experiment::spec::{
     Axis, FigureSpec, MeasureSpec, NightSpec, Presentation, TableSpec,
@@ -29,6 +30,8 @@ pub struct Builder {
     pub reference: Option<Reference>,
     /// Measurements from `x:measure(..)`.
     pub measure: Option<(MeasureSpec, SourcePlace)>,
+    /// Tone map from `x:measure(..)`, if it sets one.
+    pub display: Option<Tonemap>,
     /// Stop rule from `x:stop(..)`.
     pub stop: Option<(Stop, SourcePlace)>,
     /// Selection of `x:control(..)`; the inner `None` selects the default points.
@@ -42,6 +45,8 @@ pub struct Builder {
     pub tables: Vec<(TableSpec, SourcePlace)>,
     /// Presentation from `x:report(..)`.
     pub report: Option<(Presentation, SourcePlace)>,
+    /// Notes from `x:note(..)`, in order.
+    pub notes: Vec<String>,
 }
 
 /// Parameters of techniques that a script declares, by the name of the integrator.

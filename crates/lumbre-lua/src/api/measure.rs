@@ -196,15 +196,16 @@ pub fn default_measure() -> MeasureSpec {
 
 fn measure(args: &Args) -> Result<LuaValue, ScriptError> {
     let table = args.table(0, "options")?;
-    let spec = read_measure(&table).map_err(|e| args.locate_error(e))?;
+    let (spec, display) = read_measure(&table).map_err(|e| args.locate_error(e))?;
     let mut builder = args.shared.builder.borrow_mut();
     args.only_once(builder.measure.as_ref().map(|(_, place)| place))?;
     builder.measure = Some((spec, args.place.clone()));
+    builder.display = display;
     Ok(LuaValue::Nil)
 }
 
-/// Converts the argument of `x:measure`.
-fn read_measure(table: &mlua::Table) -> Result<MeasureSpec, SchemaError> {
+/// Converts the argument of `x:measure`. Returns the tone map too if the script sets it.
+fn read_measure(table: &mlua::Table) -> Result<(MeasureSpec, Option<Tonemap>), SchemaError> {
     let fields = strict::fields(table, &MEASURE, "measure", true)?;
     let mut measure = default_measure();
     if let Some(every) = fields.values.get("every").and_then(duration_s) {
@@ -219,9 +220,11 @@ fn read_measure(table: &mlua::Table) -> Result<MeasureSpec, SchemaError> {
         measure.snapshots = Snapshots::Pow2;
     }
     measure.captures = keep("png") == Some("every");
-    if let Some(display) = fields.values.get("display") {
-        measure.display = Tonemap::from_value("measure.display", display)?;
-    }
+    let display = fields.values.get("display");
+    let display = display
+        .map(|display| Tonemap::from_value("measure.display", display))
+        .transpose()?;
+    measure.display = display.unwrap_or(measure.display);
     for (column, value) in &fields.extra {
         measure.metrics.push(metric_column(column, value)?);
     }
@@ -229,7 +232,7 @@ fn read_measure(table: &mlua::Table) -> Result<MeasureSpec, SchemaError> {
         let problem = format!("more than {MAX_COLUMNS} metric columns");
         return Err(SchemaError::new("measure", "", problem));
     }
-    Ok(measure)
+    Ok((measure, display))
 }
 
 /// Returns the error for a name that is no metric column, or none of `known`. A metric that is not

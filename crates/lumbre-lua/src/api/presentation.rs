@@ -1,4 +1,4 @@
-//! `x:report`: how figures, tables and reports present the results.
+//! `x:report` and `x:note`: how figures, tables and reports present the results.
 
 use std::collections::BTreeMap;
 
@@ -25,16 +25,28 @@ lumbre_light::table! {
     colours = "": Ty::Any("table<string, string>"),
         "colours of techniques and of other axis values, as `#rrggbb`: colours = { bdpt = \
          \"#117733\" }";
-    display = "sRGB with an exposure for each figure": Ty::Any("Tonemap"),
-        "tone map of the crops and films in figures; exposure = 0 shows radiance 1 as white";
+    display = "that of `x:measure`, or sRGB with an exposure for each figure": Ty::Any("Tonemap"),
+        "tone map of pictures in figures and on the page; exposure = 0 shows radiance 1 as white";
 }
 
 functions! {
-    /// Method that sets the presentation.
+    /// Methods that set the presentation.
     pub const METHODS;
+    "x:note" = note, "Adds a note, which the report shows and `lumbre ls` finds." {
+        "text": "string", "A line of text. Words that start with `#` are tags.";
+    }
     "x:report" = report, "Sets how figures, tables and reports present the results." {
         "options": "Presentation", "Names, colours and tone map.";
     }
+}
+
+fn note(args: &Args) -> Result<LuaValue, ScriptError> {
+    let text = args.text(0, "text")?;
+    if text.trim().is_empty() || text.contains(char::is_control) {
+        return Err(args.error("expected a line of text".to_owned(), None));
+    }
+    args.shared.builder.borrow_mut().notes.push(text);
+    Ok(LuaValue::Nil)
 }
 
 fn report(args: &Args) -> Result<LuaValue, ScriptError> {
@@ -56,6 +68,7 @@ fn report(args: &Args) -> Result<LuaValue, ScriptError> {
                     digits.len() == 6 && digits.bytes().all(|b| b.is_ascii_hexdigit())
                 })
             })?,
+            notes: Vec::new(),
         })
     };
     let presentation = read().map_err(|e| args.locate_error(e))?;

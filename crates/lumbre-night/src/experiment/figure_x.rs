@@ -1,5 +1,7 @@
 //! Quantities against which figures of convergence show an error. [`FigureX`] has a row for each.
 
+use serde::{Deserialize, Serialize};
+
 use super::outcome::WaveRow;
 
 /// Description of a [`FigureX`].
@@ -38,9 +40,13 @@ macro_rules! figure_axes {
         value: $value:expr,
     })+) => {
         /// Horizontal axis of a figure of convergence.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
         pub enum FigureX {
-            $(#[doc = concat!("Measurements against ", $caption, ".")] $axis,)+
+            $(
+                #[doc = concat!("Measurements against ", $caption, ".")]
+                #[serde(rename = $name)]
+                $axis,
+            )+
         }
 
         impl FigureX {

@@ -4,6 +4,8 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use serde::{Deserialize, Serialize};
+
 pub use super::figure_x::FigureX;
 use super::hook_error::HookError;
 use super::outcome::WaveRow;
@@ -62,6 +64,9 @@ pub struct Presentation {
     pub names: BTreeMap<String, String>,
     /// Colours as `#rrggbb` of techniques and of other axis values.
     pub colours: BTreeMap<String, String>,
+    /// Notes of the script, then those of `lumbre note` after their dates. Words that start with `#`
+    /// are tags.
+    pub notes: Vec<String>,
 }
 
 impl Presentation {
@@ -76,6 +81,18 @@ impl Presentation {
     /// Returns the colour of a technique or of an axis value, if the script sets one.
     pub fn colour(&self, value: &str) -> Option<&str> {
         self.colours.get(value).map(String::as_str)
+    }
+
+    /// Returns the distinct tags of all notes, in order.
+    pub fn tags(&self) -> Vec<&str> {
+        let mut tags = Vec::new();
+        let words = self.notes.iter().flat_map(|note| note.split_whitespace());
+        for word in words.filter(|word| word.len() > 1 && word.starts_with('#')) {
+            if !tags.contains(&word) {
+                tags.push(word);
+            }
+        }
+        tags
     }
 }
 
@@ -238,7 +255,7 @@ pub enum Snapshots {
 }
 
 /// A figure: one image for each combination of `facet` values.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FigureSpec {
     /// Name of the figure and of its file.
     pub name: String,
@@ -275,7 +292,8 @@ impl FigureSpec {
 }
 
 /// Quantities that a figure draws.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum FigureKind {
     /// Metrics over the course of each run.
     Convergence {
@@ -294,7 +312,8 @@ pub enum FigureKind {
 }
 
 /// File format of a table.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum TableFormat {
     /// A Markdown table.
     Md,
@@ -304,7 +323,7 @@ pub enum TableFormat {
 
 /// A table over two groups of axes. Other axes and repeats are averaged, and their number is
 /// stated.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TableSpec {
     /// Name of the table and of its file.
     pub name: String,

@@ -1,6 +1,8 @@
 //! Quantities of runs that tables and figures over an axis show. [`RunColumn`] has a row for each
 //! that every run has.
 
+use serde::{Deserialize, Serialize};
+
 use super::outcome::WaveRow;
 use lumbre_render::OpenStats;
 
@@ -35,9 +37,13 @@ macro_rules! run_columns {
         value: $value:expr,
     })+) => {
         /// Quantity that every run has, at its end.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
         pub enum RunColumn {
-            $(#[doc = concat!($description, ".")] $column,)+
+            $(
+                #[doc = concat!($description, ".")]
+                #[serde(rename = $name)]
+                $column,
+            )+
         }
 
         impl RunColumn {
@@ -159,11 +165,13 @@ run_columns! {
 }
 
 /// Quantity of a cell that a table or a sweep figure shows.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum TableValue {
     /// Final value of a metric column.
     Metric(String),
     /// Quantity that every run has.
+    #[serde(rename = "column")]
     Run(RunColumn),
     /// Seconds of render time until a metric column reached a threshold for good.
     TimeTo {

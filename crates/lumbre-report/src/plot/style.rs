@@ -3,7 +3,10 @@
 //!
 //! The colours are from the palettes of Okabe and Ito [2008] and Tol [2021] for colour-blind
 //! readers. They are ordered so that neighbours differ in lightness too. In greyscale print, dashes
-//! and markers distinguish the curves.
+//! and markers distinguish the curves. A technique has the same style in every figure of every
+//! night.
+
+use lumbre_light::transport::integrator::INTEGRATORS;
 
 /// Colour of text.
 pub const INK: &str = "#1f1f1f";
@@ -55,6 +58,28 @@ pub struct Style {
     marker: usize,
 }
 
+/// Techniques in the order of their styles, those that are compared most often first. Others of the
+/// program follow in the order of its table.
+const TECHNIQUES: [&str; 3] = ["bpt", "nee", "bdpt"];
+
+/// Returns the styles of some different techniques, each the same whatever the others are.
+/// Techniques that the program does not have follow those that it has, in the order of `names`.
+pub fn of_techniques(names: &[&str]) -> Vec<Style> {
+    let own = INTEGRATORS.iter().map(|row| row.name);
+    let first = TECHNIQUES.into_iter();
+    let mut known: Vec<&str> = first
+        .chain(own.filter(|name| !TECHNIQUES.contains(name)))
+        .collect();
+    let mut style_of = |name: &&str| {
+        let index = known.iter().position(|known| known == name);
+        style(index.unwrap_or_else(|| {
+            known.push("");
+            known.len() - 1
+        }))
+    };
+    names.iter().map(&mut style_of).collect()
+}
+
 /// Returns the style of curve `index`. The combinations of colour, dash and marker repeat after 280
 /// curves.
 pub fn style(index: usize) -> Style {
@@ -97,6 +122,13 @@ const MARKERS: [Marker; 7] = [
         (-2.0, 3.5),
     ]),
 ];
+
+impl Default for Style {
+    /// The style of the first curve.
+    fn default() -> Style {
+        style(0)
+    }
+}
 
 impl Style {
     /// Returns the style with another colour, if one is given.
@@ -159,6 +191,16 @@ mod tests {
                 a.colour.text()
             );
         }
+    }
+
+    #[test]
+    fn techniques_keep_their_styles_whatever_they_are_compared_with() {
+        let alone = of_techniques(&["vcm"]);
+        let all = of_techniques(&["mine", "vcm", "bpt", "other", "sppm"]);
+        assert_eq!(alone[0], all[1]);
+        assert_eq!(all[2], style(0));
+        let distinct: BTreeSet<_> = all.iter().map(|s| (s.colour, s.dash, s.marker)).collect();
+        assert_eq!(distinct.len(), all.len());
     }
 
     #[test]

@@ -88,6 +88,8 @@ pub struct ReportContext<'a> {
     pub command: &'a dyn Fn(&Path) -> String,
     /// Command that makes the report again, to which the page appends options of crops.
     pub again: &'a str,
+    /// Number of this state of the night, if a server has the page of newer states too.
+    pub live: Option<u64>,
 }
 
 /// A complete report.
@@ -115,7 +117,7 @@ pub fn build(
     context: &ReportContext,
 ) -> Result<Report, ReportError> {
     let mut notes = study.notes.clone();
-    let mut items = Vec::new();
+    let mut items = requested::items(study);
     for x in FigureX::ALL.iter().copied() {
         for metric in 0..study.metrics.len() {
             items.extend(convergence::figures(study, metric, x));

@@ -1,11 +1,13 @@
 //! Presentation of a study as its script sets it: labels and styles of series, and the tone map of
 //! pictures.
 
+use std::collections::BTreeSet;
+
 use super::series::Series;
 use super::study::Study;
 use crate::exposure;
 use crate::plot::figure::SeriesEntry;
-use crate::plot::style::{Colour, style};
+use crate::plot::style::{self, Colour};
 use lumbre_light::film::Image;
 use lumbre_metrics::tonemap::Tonemap;
 use lumbre_night::experiment::night::Night;
@@ -43,12 +45,33 @@ impl Study<'_> {
         self.display().unwrap_or_else(|| exposure::automatic(image))
     }
 
+    /// Sets the styles of all series: that of its technique where each has another one, or else by
+    /// their order. A colour of the script replaces that of the style.
+    pub(super) fn set_styles(&mut self) {
+        let mut techniques: Vec<Option<&str>> = vec![None; self.series.len()];
+        let mut is_mixed = false;
+        for (member, (_, _, series)) in self.all().zip(self.run_positions()) {
+            let technique = member.run.integrator.as_str();
+            is_mixed |= *techniques[series].get_or_insert(technique) != technique;
+        }
+        let names: Vec<&str> = techniques.into_iter().flatten().collect();
+        let distinct: BTreeSet<&str> = names.iter().copied().collect();
+        let styles = if is_mixed || distinct.len() < self.series.len() {
+            (0..self.series.len()).map(style::style).collect()
+        } else {
+            style::of_techniques(&names)
+        };
+        for (series, style) in self.series.iter_mut().zip(styles) {
+            series.style = style.coloured(series.colour);
+        }
+    }
+
     /// Returns the series as figures show them.
     pub fn entries(&self) -> Vec<SeriesEntry> {
-        let entry = |(index, series): (usize, &Series)| SeriesEntry {
+        let entry = |series: &Series| SeriesEntry {
             label: series.full_label(),
-            style: style(index).coloured(series.colour),
+            style: series.style,
         };
-        self.series.iter().enumerate().map(entry).collect()
+        self.series.iter().map(entry).collect()
     }
 }

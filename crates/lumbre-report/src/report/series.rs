@@ -1,6 +1,6 @@
 //! Compared series, and how they are labelled.
 
-use crate::plot::style::Colour;
+use crate::plot::style::{Colour, Style};
 use crate::plot::svg::{shorten, text_width};
 
 /// Mark at the end of the label of a series whose pictures are denoised.
@@ -17,6 +17,8 @@ pub struct Series {
     pub values: Vec<String>,
     /// Colour that the script gives to it.
     pub colour: Option<Colour>,
+    /// Style of its curves.
+    pub style: Style,
     /// Group of series of the same night and device, named after the night or the device. Empty if
     /// there is only one group.
     pub group: String,
@@ -64,6 +66,7 @@ mod tests {
             short_label: "bdpt".to_owned(),
             values: vec!["bdpt".to_owned()],
             colour: None,
+            style: Style::default(),
             group: String::new(),
             device: None,
             names_device: false,

@@ -6,6 +6,7 @@ use super::ReportError;
 use super::series::Series;
 use crate::dependent_axes;
 use crate::format;
+use crate::plot::style::Style;
 use crate::quantity::{self, RunValue};
 use lumbre_light::transport::integrator::canonical_name;
 use lumbre_metrics::{Better, MetricSpec};
@@ -233,6 +234,7 @@ impl<'a> Study<'a> {
                         short_label,
                         values,
                         colour: self.series_colour(night, run),
+                        style: Style::default(),
                         group,
                         device,
                         names_device,
@@ -253,6 +255,7 @@ impl<'a> Study<'a> {
         }
         self.sort_series();
         self.mark_biased_series();
+        self.set_styles();
     }
 
     /// Returns the label of a run's series with and without names of axes, and the long name if the

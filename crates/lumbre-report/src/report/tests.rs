@@ -197,6 +197,7 @@ fn report_with(nights: &[Night], options: &ReportOptions, pictures: &Pictures) -
             link: &link,
             command: &command,
             again: "lumbre report out/latest",
+            live: None,
         },
     )
     .unwrap()

@@ -346,7 +346,8 @@ fn panel_key(key: KeyEvent, state: &mut State) -> Option<Command> {
             return put(state, &parameter.path, None);
         }
         KeyCode::Tab => state.panel_hidden = !state.panel_hidden,
-        KeyCode::Esc => return Some(Command::Quit),
+        // It closes overlays, so that one key too many must not cost a frozen reference.
+        KeyCode::Esc => state.fail("q quits"),
         KeyCode::Char(c) => return character(c, state),
         _ => {}
     }

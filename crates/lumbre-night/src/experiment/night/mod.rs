@@ -16,7 +16,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::outcome::{CellRef, Outcome, WaveRow};
-use super::spec::Presentation;
+use super::spec::{FigureSpec, Presentation, TableSpec};
 use lumbre_light::scene::SceneDesc;
 use lumbre_light::transport::integrator::bias_of;
 use lumbre_metrics::MetricSpec;
@@ -53,6 +53,12 @@ pub struct NightPlan {
     pub order: String,
     /// Number of points left out by skip rules or for lack of a program.
     pub skipped: usize,
+    /// Reasons why points need a program that is not installed, each with its number of points.
+    pub absent: Vec<(String, usize)>,
+    /// Figures that the script asks for.
+    pub figures: Vec<FigureSpec>,
+    /// Tables that the script asks for.
+    pub tables: Vec<TableSpec>,
 }
 
 impl Default for NightPlan {
@@ -70,6 +76,9 @@ impl Default for NightPlan {
             report: Presentation::default(),
             order: String::new(),
             skipped: 0,
+            absent: Vec::new(),
+            figures: Vec::new(),
+            tables: Vec::new(),
         }
     }
 }
@@ -212,11 +221,9 @@ impl Night {
     /// sorted and without repetition.
     pub fn biased_references(&self) -> BTreeSet<(&str, &'static str)> {
         self.references_of_runs()
-            .filter_map(|reference| match &reference.origin {
-                ReferenceOrigin::Rendered { integrator, .. } => {
-                    Some((integrator.as_str(), bias_of(integrator)?))
-                }
-                ReferenceOrigin::Other(_) => None,
+            .filter_map(|reference| {
+                let integrator = reference.integrator()?;
+                Some((integrator, bias_of(integrator)?))
             })
             .collect()
     }

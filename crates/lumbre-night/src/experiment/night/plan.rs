@@ -74,6 +74,9 @@ impl Night {
             report: plan.report.clone(),
             order: plan.night.order.name().to_owned(),
             skipped: plan.skipped.len(),
+            absent: plan.absent(),
+            figures: plan.figures.clone(),
+            tables: plan.tables.clone(),
             ..NightPlan::default()
         };
         Night::new(facts, runs.collect(), references.collect())

@@ -122,6 +122,15 @@ impl Deref for Reference {
 }
 
 impl Reference {
+    /// Returns the technique that renders it, if it is known.
+    pub fn integrator(&self) -> Option<&str> {
+        match (&self.settings, &self.origin) {
+            (Some(settings), _) => Some(&settings.integrator),
+            (None, ReferenceOrigin::Rendered { integrator, .. }) => Some(integrator),
+            (None, ReferenceOrigin::Other(_)) => None,
+        }
+    }
+
     /// Returns whether it is rendered, not an image file.
     pub fn is_rendered(&self) -> bool {
         self.file.is_none()

@@ -250,28 +250,29 @@ pub struct Plan {
     pub files: BTreeSet<PathBuf>,
 }
 
-impl Plan {
-    /// Returns a sentence for captions for each biased technique of references.
-    pub fn biased_references(&self) -> Vec<String> {
-        let biased = warnings::biased_references(&self.references);
-        let sentences = biased.into_iter();
-        sentences.map(|text| format!("Warning: {text}.")).collect()
+/// Returns distinct reasons in order, each with the number of times that it was given.
+pub(crate) fn counted_reasons<'a>(reasons: impl Iterator<Item = &'a str>) -> Vec<(String, usize)> {
+    let mut counted: Vec<(String, usize)> = Vec::new();
+    for reason in reasons {
+        match counted.iter_mut().find(|(known, _)| known == reason) {
+            Some((_, count)) => *count += 1,
+            None => counted.push((reason.to_owned(), 1)),
+        }
     }
+    counted
+}
 
+impl Plan {
     /// Returns the reasons why points need a program that is not installed, each with its number of
     /// points.
-    pub fn absent(&self) -> Vec<(&str, usize)> {
-        let mut reasons: Vec<(&str, usize)> = Vec::new();
-        for skipped in self.skipped.iter().filter(|s| s.absent) {
-            match reasons
-                .iter_mut()
-                .find(|(reason, _)| *reason == skipped.reason)
-            {
-                Some((_, count)) => *count += 1,
-                None => reasons.push((&skipped.reason, 1)),
-            }
-        }
-        reasons
+    pub fn absent(&self) -> Vec<(String, usize)> {
+        let absent = self.skipped.iter().filter(|skipped| skipped.absent);
+        counted_reasons(absent.map(|skipped| skipped.reason.as_str()))
+    }
+
+    /// Returns the reasons why points are left out, each with its number of points.
+    pub fn skip_reasons(&self) -> Vec<(String, usize)> {
+        counted_reasons(self.skipped.iter().map(|skipped| skipped.reason.as_str()))
     }
 
     /// Returns the names of the metric columns, in the order of

@@ -1,6 +1,6 @@
 //! Execution of a plan: the state machine of a night.
 //!
-//! References are rendered first, each once, then the cells in the order of the plan. Runs that an
+//! Cells are rendered in the order of the plan, each reference once, before the first that needs it. Runs that an
 //! earlier night finished are not rendered again. Between two waves, and only then, the night
 //! measures, emits events, evaluates stop rules and handles requests of the user. Only the time
 //! inside the renderer counts as render time.

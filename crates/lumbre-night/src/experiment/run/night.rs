@@ -51,9 +51,9 @@ impl NightRunner<'_, '_> {
         }
     }
 
-    /// Returns the order of rendering, as groups that are rendered together: references, then the
-    /// interleave groups of cells. With a deadline, groups come from coarse to fine, each after its
-    /// references.
+    /// Returns the order of rendering, as groups that are rendered together: the interleave groups
+    /// of cells, each after the references that it needs first. With a deadline, they come from
+    /// coarse to fine.
     fn order(&self) -> Vec<Vec<CellRef>> {
         let plan = self.plan;
         let coarse_first = self.options.deadline.is_some();
@@ -61,32 +61,24 @@ impl NightRunner<'_, '_> {
             .interleave_groups(coarse_first)
             .into_iter()
             .map(|group| group.into_iter().map(CellRef::Cell).collect::<Vec<_>>());
-        let mut order: Vec<Vec<CellRef>> = if coarse_first {
-            let mut seen = BTreeSet::new();
-            let mut order = Vec::new();
-            for group in groups {
-                let references = group.iter().filter_map(|cell| match cell {
-                    CellRef::Cell(i) => plan.cells[*i].reference,
-                    CellRef::Reference(_) => None,
-                });
-                let with_second = |r: usize| {
-                    let second = plan.references[r].bias_check.map(|check| check.with);
-                    [Some(r), second]
-                };
-                let new = references
-                    .flat_map(with_second)
-                    .flatten()
-                    .filter(|r| seen.insert(*r));
-                order.extend(new.map(|r| vec![CellRef::Reference(r)]));
-                order.push(group);
-            }
-            order
-        } else {
-            (0..plan.references.len())
-                .map(|i| vec![CellRef::Reference(i)])
-                .chain(groups)
-                .collect()
-        };
+        let mut seen = BTreeSet::new();
+        let mut order: Vec<Vec<CellRef>> = Vec::new();
+        for group in groups {
+            let references = group.iter().filter_map(|cell| match cell {
+                CellRef::Cell(i) => plan.cells[*i].reference,
+                CellRef::Reference(_) => None,
+            });
+            let with_second = |r: usize| {
+                let second = plan.references[r].bias_check.map(|check| check.with);
+                [Some(r), second]
+            };
+            let new = references
+                .flat_map(with_second)
+                .flatten()
+                .filter(|r| seen.insert(*r));
+            order.extend(new.map(|r| vec![CellRef::Reference(r)]));
+            order.push(group);
+        }
         if let Some(only) = &self.options.only {
             order
                 .iter_mut()

@@ -9,10 +9,12 @@ use crate::experiment::CellRef;
 use crate::experiment::night::reference::ReferencePlan;
 use crate::experiment::night::run::{RunPlan, StopOutline};
 use crate::experiment::night::{Night, NightPlan};
+use crate::experiment::plan::counted_reasons;
 use crate::experiment::spec::Presentation;
 use crate::experiment::stop::StopRule;
+use crate::store::schema::StoredFile;
 use crate::store::schema::plan::{
-    PlanFile, PlannedCell, PlannedReference, PresentationRecord, StopRecord,
+    NightNote, NotesFile, PlanFile, PlannedCell, PlannedReference, PresentationRecord, StopRecord,
 };
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
@@ -21,7 +23,9 @@ use lumbre_metrics::tonemap::Tonemap;
 /// not know, or defines otherwise, are left out with a note; rows are matched by column names.
 pub(crate) fn planned_night(files: &NightReader) -> Night {
     let plan = files.plan();
-    let mut notes = missing_support(plan);
+    let absent = plan.skipped.iter().filter(|skipped| skipped.absent);
+    let absent = counted_reasons(absent.map(|skipped| skipped.reason.as_str()));
+    let mut notes = missing_support(&absent);
     let metrics = metrics(plan, &mut notes);
     let stops: Vec<Arc<StopOutline>> = plan.stops.iter().map(stop_outline).collect();
     let run = |cell: &PlannedCell| RunPlan {
@@ -58,6 +62,15 @@ pub(crate) fn planned_night(files: &NightReader) -> Night {
             },
         }
     };
+    let mut report = plan.report.as_ref().map(presentation).unwrap_or_default();
+    match NotesFile::read(files.folder()) {
+        Ok(taken) => {
+            let taken = taken.notes.iter();
+            report.notes.extend(taken.map(NightNote::line));
+        }
+        Err(error) if error.is_missing() => {}
+        Err(error) => notes.push(error.to_string()),
+    }
     let defaults = NightPlan::default();
     let display = Tonemap::from_value("display", &plan.measure.display);
     let facts = NightPlan {
@@ -68,9 +81,12 @@ pub(crate) fn planned_night(files: &NightReader) -> Night {
         settings: plan.settings.clone(),
         metrics,
         display: display.unwrap_or(defaults.display),
-        report: plan.report.as_ref().map(presentation).unwrap_or_default(),
+        report,
         order: plan.night.order.clone(),
         skipped: plan.skipped.len(),
+        absent,
+        figures: plan.figures.clone(),
+        tables: plan.tables.clone(),
         ..defaults
     };
     let runs = plan.cells.iter().map(run).collect();
@@ -86,22 +102,12 @@ pub(crate) fn planned_night(files: &NightReader) -> Night {
 }
 
 /// Describes points that were skipped because the machine lacks support, each reason once.
-fn missing_support(plan: &PlanFile) -> Vec<String> {
-    let mut reasons: Vec<(&str, usize)> = Vec::new();
-    for skipped in plan.skipped.iter().filter(|skipped| skipped.absent) {
-        match reasons
-            .iter_mut()
-            .find(|(known, _)| *known == skipped.reason)
-        {
-            Some((_, count)) => *count += 1,
-            None => reasons.push((&skipped.reason, 1)),
-        }
-    }
-    let note = |(reason, count): (&str, usize)| match count {
+fn missing_support(absent: &[(String, usize)]) -> Vec<String> {
+    let note = |(reason, count): &(String, usize)| match count {
         1 => format!("1 point of the sweep is left out: {reason}"),
         _ => format!("{count} points of the sweep are left out: {reason}"),
     };
-    reasons.into_iter().map(note).collect()
+    absent.iter().map(note).collect()
 }
 
 /// Reads the definitions of the metrics.
@@ -123,6 +129,7 @@ fn presentation(record: &PresentationRecord) -> Presentation {
         display: Tonemap::from_value("report.display", &record.display).ok(),
         names: record.names.clone(),
         colours: record.colours.clone(),
+        notes: record.notes.clone(),
     }
 }
 

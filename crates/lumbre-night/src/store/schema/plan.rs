@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::values::Named;
 use super::{Problem, StoredFile, Version, files, pretty, records};
+use crate::experiment::spec::{FigureSpec, TableSpec};
 use lumbre_light::value::Value;
 use lumbre_render::settings::StoredSettings;
 
@@ -48,6 +49,12 @@ files! {
         pub files: BTreeMap<PathBuf, String>,
         /// Run folders, by run id, of this plan's runs that are finished in sibling folders.
         pub elsewhere: BTreeMap<String, PathBuf>,
+    }
+
+    /// Notes that were taken on the night by `lumbre note`.
+    pub file NotesFile = "notes.json", 1 {
+        /// Notes, oldest first.
+        pub notes: Vec<NightNote>,
     }
 
     /// Jobs that were submitted to a scheduler for the night.
@@ -91,6 +98,12 @@ records! {
         pub warnings: Vec<String>,
         /// Notes about scene files.
         pub notes: Vec<SceneNote>,
+        /// Figures that the script asks for. Only if there are any.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        pub figures: Vec<FigureSpec>,
+        /// Tables that the script asks for. Only if there are any.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        pub tables: Vec<TableSpec>,
         /// Presentation of the results in reports. Only of scripts that set it.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub report: Option<PresentationRecord>,
@@ -124,6 +137,9 @@ records! {
         pub names: BTreeMap<String, String>,
         /// Colours as `#rrggbb` of techniques and of other axis values.
         pub colours: BTreeMap<String, String>,
+        /// Notes of the script. Only if there are any.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        pub notes: Vec<String>,
     }
 
     /// A metric with its options.
@@ -234,6 +250,14 @@ records! {
         pub message: String,
     }
 
+    /// A note on a night.
+    pub struct NightNote {
+        /// Date of the note, UTC.
+        pub date: String,
+        /// Text of the note; words that start with `#` are tags.
+        pub text: String,
+    }
+
     /// A job array that was submitted to a scheduler.
     pub struct SubmittedJob {
         /// Scheduler to which it was submitted.
@@ -244,6 +268,13 @@ records! {
         pub workers: u32,
         /// Date of submission, UTC.
         pub date: String,
+    }
+}
+
+impl NightNote {
+    /// Date and text on a line.
+    pub fn line(&self) -> String {
+        format!("{} {}", self.date, self.text)
     }
 }
 

@@ -7,9 +7,9 @@ use super::journal::{
     WaveRecord,
 };
 use super::plan::{
-    BiasCheckPlan, EnvFile, FileReference, JobFile, Measurement, MetricRecord, NightSettings,
-    PlanFile, PlanSnapshot, PlannedCell, PresentationRecord, RenderedReference, SceneNote,
-    SkippedPoint, StopRecord, SubmittedJob,
+    BiasCheckPlan, EnvFile, FileReference, JobFile, Measurement, MetricRecord, NightNote,
+    NightSettings, NotesFile, PlanFile, PlanSnapshot, PlannedCell, PresentationRecord,
+    RenderedReference, SceneNote, SkippedPoint, StopRecord, SubmittedJob,
 };
 use super::process::{AffinityFile, ClaimFile, HeartbeatFile, IndexHeader, Owner, RenderDevice};
 use super::run::{
@@ -67,6 +67,7 @@ const FILES: &[(&str, &[RecordRow])] = &[
         ],
     ),
     ("`env.json`", &[EnvFile::ROW]),
+    ("`notes.json`", &[NotesFile::ROW, NightNote::ROW]),
     ("`snapshot.json`", &[PlanSnapshot::ROW]),
     ("`index.jsonl`", &[IndexHeader::ROW]),
     ("`claim` of a run", &[ClaimFile::ROW, Owner::ROW]),

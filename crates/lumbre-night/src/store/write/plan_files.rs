@@ -73,10 +73,13 @@ pub fn plan_file(plan: &Plan) -> PlanFile {
                 message: note.message.clone(),
             })
             .collect(),
+        figures: plan.figures.clone(),
+        tables: plan.tables.clone(),
         report: (plan.report != Presentation::default()).then(|| PresentationRecord {
             display: plan.report.display.map_or(Value::Nil, |d| d.to_value()),
             names: plan.report.names.clone(),
             colours: plan.report.colours.clone(),
+            notes: plan.report.notes.clone(),
         }),
         ..PlanFile::default()
     }

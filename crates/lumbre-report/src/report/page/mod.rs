@@ -143,6 +143,7 @@ fn data(study: &Study, context: &ReportContext, views: &[View]) -> Json {
     json!({
         "program": program(), "axes": axes, "metrics": metrics, "series": series, "nights": nights,
         "command": context.again, "facets": facets, "clock": clock, "magma": magma, "runs": runs, "views": views,
+        "live": context.live,
     })
 }
 
@@ -200,7 +201,7 @@ struct PageText<'a> {
     provenance: &'a Provenance,
 }
 
-/// Writes the HTML document: the answer, then pictures, curves, tables and figures, then the runs
+/// Writes the HTML document: the answer, what the script requests, then pictures, curves, tables and figures, then the runs
 /// and the methods.
 fn document(
     study: &Study,
@@ -226,8 +227,10 @@ fn document(
                 }
                 @for (night, name) in study.nights.iter().zip(&study.names) {
                     (night_facts(night, Some(name.as_str()).filter(|_| several), context))
+                    @for note in &night.plan.report.notes { p.meta { (note) } }
                 }
                 (sections::answer(study, verdict, views, text.notes.len()))
+                (sections::requested(study, items))
                 nav {
                     @for (id, name) in SECTIONS { a href={ "#" (id) } { (name) } }
                 }

@@ -117,3 +117,16 @@ const showRuns = runs(data);
 curves(data, showRuns);
 viewer(data);
 document.documentElement.dataset.ready = "yes";
+
+// A served page asks for a newer one while it is not used. If there is none, the server's answer
+// without content keeps this one.
+if (data.live !== null) {
+  let used = 0;
+  for (const kind of ["pointerdown", "pointermove", "keydown", "wheel"]) addEventListener(kind, () => { used = Date.now(); });
+  if (sessionStorage.top) scrollTo({ top: Number(sessionStorage.top), behavior: "instant" });
+  setInterval(() => {
+    if (Date.now() - used < 10000) return;
+    sessionStorage.top = scrollY;
+    location.replace("?after=" + data.live);
+  }, 5000);
+}

@@ -7,6 +7,7 @@ use maud::{Markup, PreEscaped, html};
 use super::views::View;
 use crate::plot::svg::base64;
 use crate::report::item::{ItemKind, ReportItem};
+use crate::report::requested::SECTION;
 use crate::report::study::Study;
 use crate::report::tables::TEST;
 use crate::report::verdict::{EXPLANATION, Verdict, Winner, is_root_of_shown};
@@ -121,17 +122,38 @@ fn folded<'a>(items: impl Iterator<Item = (&'a ReportItem, Markup)>) -> Markup {
     }
 }
 
-/// Writes all tables.
-pub fn tables(study: &Study, items: &[ReportItem]) -> Markup {
-    let run_index: BTreeMap<&str, usize> = study
-        .all()
-        .enumerate()
-        .map(|(i, m)| (m.run.id.as_str(), i))
+/// Returns the index of every run in the page's data by its identity.
+fn run_index<'a>(study: &'a Study) -> BTreeMap<&'a str, usize> {
+    let runs = study.all().enumerate();
+    runs.map(|(i, m)| (m.run.id.as_str(), i)).collect()
+}
+
+/// Writes the figures and tables that the script requests, if there are any.
+pub fn requested(study: &Study, items: &[ReportItem]) -> Markup {
+    let run_index = run_index(study);
+    let requested = items.iter().filter(|item| item.section == SECTION);
+    let parts: Vec<Markup> = requested
+        .map(|item| match item.table.as_deref() {
+            Some(data) => table(item, data, &run_index),
+            None => figure(item),
+        })
         .collect();
+    html! {
+        @if !parts.is_empty() {
+            section #requested {
+                h2 { (SECTION) }
+                div.items { @for part in parts { (part) } }
+            }
+        }
+    }
+}
+
+/// Writes all other tables.
+pub fn tables(study: &Study, items: &[ReportItem]) -> Markup {
+    let run_index = run_index(study);
     let all = || {
-        items
-            .iter()
-            .filter_map(|item| Some((item, item.table.as_deref()?)))
+        let others = items.iter().filter(|item| item.section != SECTION);
+        others.filter_map(|item| Some((item, item.table.as_deref()?)))
     };
     html! {
         section #tables {
@@ -144,7 +166,7 @@ pub fn tables(study: &Study, items: &[ReportItem]) -> Markup {
     }
 }
 
-/// Writes all figures, but for those of MSE where RMSE is measured: they are the same curves, with
+/// Writes all other figures, but for those of MSE where RMSE is measured: they are the same curves, with
 /// every number squared, and only files.
 pub fn figures(study: &Study, items: &[ReportItem]) -> Markup {
     let repeated: Vec<String> = (0..study.metrics.len())
@@ -158,7 +180,8 @@ pub fn figures(study: &Study, items: &[ReportItem]) -> Markup {
     };
     let figures = items
         .iter()
-        .filter(|item| item.kind == ItemKind::Figure && !repeats(item));
+        .filter(|item| item.kind == ItemKind::Figure && item.section != SECTION)
+        .filter(|item| !repeats(item));
     html! {
         section #figures {
             h2 { "Figures" }

@@ -3,8 +3,11 @@ function viewer(data) {
   const section = document.getElementById("viewer");
   if (!data.views.length) { section.hidden = true; return; }
   const pick = (id) => document.getElementById(id);
-  const stage = pick("stage"), canvas = stage.querySelector("canvas"), readout = pick("readout");
-  const state = { view: 0, image: 1, mode: "picture", stops: 0, zoom: 0, x: 0, y: 0 };
+  const stage = pick("stage"), readout = pick("readout"), slider = pick("slider");
+  const [canvas, right] = stage.querySelectorAll("canvas");
+  // `beside` is what is shown right of the slider, as index of an image and mode; `split` is the
+  // slider's place as a share of the stage's width.
+  const state = { view: 0, image: 1, mode: "picture", beside: null, split: 0.5, stops: 0, zoom: 0, x: 0, y: 0 };
 
   // Values of all half floats by their bits.
   const half = new Float32Array(65536);
@@ -13,13 +16,16 @@ function viewer(data) {
     half[i] = exponent === 0 ? sign * fraction * 2 ** -24
       : exponent === 31 ? (fraction ? NaN : sign * Infinity) : sign * (1 + fraction / 1024) * 2 ** (exponent - 15);
   }
-  // sRGB transfer curve from linear values in 0..=1 to bytes.
-  const curve = new Uint8Array(4097);
-  for (let i = 0; i <= 4096; i++) {
-    const v = i / 4096;
-    curve[i] = Math.round(255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055));
+  // Tone maps from radiance times exposure to 0..=1, as in Rust.
+  const tones = {
+    srgb: (v) => (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055),
+    gamma: (v, gamma) => v ** (1 / gamma),
+    reinhard: (v, gamma) => (v / (1 + v)) ** (1 / gamma),
+  };
+  function shader({ kind, gamma }) {
+    const tone = tones[kind];
+    return (v) => (v > 0 ? Math.round(255 * Math.min(tone(v, gamma), 1)) : 0);
   }
-  const shade = (v) => (v > 0 ? curve[v >= 1 ? 4096 : Math.round(Math.sqrt(v) * Math.sqrt(v) * 4096)] : 0);
 
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   function pixels(image) {
@@ -34,24 +40,26 @@ function viewer(data) {
     return image.flipValues;
   }
 
+  const MODES = [["picture", ""], ["difference", "|difference|"], ["flip", "FLIP"]];
   const current = () => data.views[state.view];
   const shown = () => current().images[state.image];
 
-  // Draws an image of the current view in the current mode at its size.
-  function drawn(image, canvas) {
+  // Draws an image of the current view at its size.
+  function drawn(image, canvas, mode = state.mode) {
     const view = current(), truth = view.images[image.truth];
     const { width, height } = view;
     canvas.width = width;
     canvas.height = height;
     const context = canvas.getContext("2d"), out = context.createImageData(width, height), to = out.data;
+    const shade = shader(view.display);
     const a = pixels(image), r = pixels(truth), gain = 2 ** state.stops, f = flips(image);
     for (let i = 0, n = width * height; i < n; i++) {
       const j = 3 * i, k = 4 * i;
-      if (state.mode === "flip") {
+      if (mode === "flip") {
         const c = data.magma[f ? f[i] : 0];
         to[k] = c[0]; to[k + 1] = c[1]; to[k + 2] = c[2];
       } else for (let c = 0; c < 3; c++) {
-        const v = state.mode === "difference" ? Math.abs(a[j + c] - r[j + c]) : a[j + c];
+        const v = mode === "difference" ? Math.abs(a[j + c] - r[j + c]) : a[j + c];
         to[k + c] = Number.isNaN(v) ? (c === 1 ? 255 : 0) : shade(v * gain);
       }
       to[k + 3] = 255;
@@ -62,6 +70,9 @@ function viewer(data) {
 
   function paint() {
     drawn(shown(), canvas);
+    right.hidden = slider.hidden = !state.beside;
+    if (state.beside) drawn(current().images[state.beside[0]], right, state.beside[1]);
+    pick("beside").value = state.beside ? state.beside.join(" ") : "";
     place();
     showCrops();
     for (const [i, button] of [...pick("names").children].entries()) button.setAttribute("aria-pressed", i === state.image);
@@ -91,7 +102,10 @@ function viewer(data) {
     state.y = (stage.clientHeight - height * state.zoom) / 2;
   }
   function place() {
-    canvas.style.transform = `translate(${state.x}px,${state.y}px) scale(${state.zoom})`;
+    const at = state.split * stage.clientWidth;
+    for (const each of [canvas, right]) each.style.transform = `translate(${state.x}px,${state.y}px) scale(${state.zoom})`;
+    right.style.clipPath = `inset(0 0 0 ${Math.max((at - state.x) / state.zoom, 0)}px)`;
+    slider.style.left = at + "px";
     for (const frame of stage.querySelectorAll(".window")) {
       const [x, y, w, h] = frame.crop;
       frame.style.left = state.x + x * state.zoom + "px";
@@ -154,7 +168,11 @@ function viewer(data) {
     const view = current();
     crops = [];
     state.image = Math.min(state.image, view.images.length - 1);
-    state.stops = view.exposure;
+    state.beside = null;
+    const beside = view.images.flatMap((image, i) => MODES.filter(([mode]) => mode === "picture" || image.truth !== i)
+      .map(([mode, words]) => new Option(words ? `${image.name}, ${words}` : image.name, i + " " + mode)));
+    pick("beside").replaceChildren(new Option("nothing", ""), ...beside);
+    state.stops = view.display.exposure;
     pick("names").replaceChildren(...view.images.map((image, i) => {
       const button = document.createElement("button");
       const key = document.createElement("span");
@@ -172,6 +190,11 @@ function viewer(data) {
   pick("scene").parentElement.hidden = data.views.length < 2;
   pick("scene").addEventListener("change", () => choose(Number(pick("scene").value)));
   for (const button of pick("modes").children) button.addEventListener("click", () => { state.mode = button.dataset.mode; paint(); });
+  pick("beside").addEventListener("change", () => {
+    const [image, mode] = pick("beside").value.split(" ");
+    state.beside = mode ? [Number(image), mode] : null;
+    paint();
+  });
   pick("exposure").addEventListener("input", () => { state.stops = Number(pick("exposure").value); paint(); });
   pick("fit").addEventListener("click", () => { fit(); place(); });
   pick("crop").addEventListener("click", () => setCropping(!cropping));
@@ -188,6 +211,7 @@ function viewer(data) {
     else if (e.key === "d") state.mode = "difference";
     else if (e.key === "f") state.mode = "flip";
     else if (e.key === "c") { setCropping(!cropping); return; }
+    else if (e.key === "s") state.beside = state.beside ? null : [(state.image + 1) % current().images.length, "picture"];
     else return;
     paint();
   });
@@ -196,7 +220,7 @@ function viewer(data) {
     const r = stage.getBoundingClientRect();
     return [e.clientX - r.left, e.clientY - r.top];
   };
-  let drag = null, corner = null;
+  let drag = null, corner = null, sliding = false;
   stage.addEventListener("wheel", (e) => {
     e.preventDefault();
     const [px, py] = spot(e), factor = Math.exp(-e.deltaY * 0.0015);
@@ -207,7 +231,8 @@ function viewer(data) {
     place();
   }, { passive: false });
   stage.addEventListener("pointerdown", (e) => {
-    if (cropping || e.shiftKey) corner = spot(e);
+    if (e.target === slider) sliding = true;
+    else if (cropping || e.shiftKey) corner = spot(e);
     else drag = [...spot(e), state.x, state.y];
     stage.setPointerCapture(e.pointerId);
   });
@@ -216,9 +241,15 @@ function viewer(data) {
     if (crop) crops = [...crops, crop].slice(-MOST_CROPS);
     if (corner) showCrops();
     drag = corner = null;
+    sliding = false;
   });
   stage.addEventListener("pointermove", (e) => {
     const [px, py] = spot(e);
+    if (sliding) {
+      state.split = Math.min(Math.max(px / stage.clientWidth, 0), 1);
+      place();
+      return;
+    }
     if (corner) {
       const crop = between(corner, [px, py]);
       frames(crop ? [...crops, crop] : crops);

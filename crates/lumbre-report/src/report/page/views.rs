@@ -4,7 +4,6 @@
 use exr::prelude::f16;
 use serde_json::{Value as Json, json};
 
-use crate::exposure;
 use crate::plot::svg::base64;
 use crate::report::Pictures;
 use crate::report::crops::flip_metric;
@@ -14,7 +13,6 @@ use crate::report::study::Study;
 use crate::{OutputError, format, png};
 use lumbre_light::film::Image;
 use lumbre_metrics::MetricSpec;
-use lumbre_metrics::tonemap::Tonemap;
 
 /// Maximum size of the half floats of all pictures together, in bytes.
 const MOST_BYTES: usize = 48 << 20;
@@ -98,10 +96,7 @@ impl FacetView<'_> {
     /// Returns the data of the view: the first reference, every series, then the other references.
     /// The key `truth` of an image is the index of the reference that it is compared with.
     fn data(&self, shrink: u32) -> Json {
-        let display = exposure::automatic(&self.references.all[0].image);
-        let Tonemap::Srgb { exposure } = display else {
-            return Json::Null;
-        };
+        let display = self.study.display_of(&self.references.all[0].image);
         let flip = flip_metric(self.study, display);
         let mut images = vec![self.reference_data(0, shrink)];
         for snapshot in &self.snapshots {
@@ -113,7 +108,7 @@ impl FacetView<'_> {
         let first = reduced(&self.references.all[0].image, shrink);
         json!({
             "name": self.study.facet_label(self.facet), "width": first.width,
-            "height": first.height, "exposure": exposure, "shrunk": shrink, "images": images,
+            "height": first.height, "display": display.to_value(), "shrunk": shrink, "images": images,
         })
     }
 

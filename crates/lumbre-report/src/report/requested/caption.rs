@@ -4,7 +4,6 @@ use crate::format;
 use crate::quantity::{self, Bound};
 use crate::report::study::{Study, is_integrator_axis};
 use crate::table::TableCell;
-use lumbre_night::experiment::plan::Plan;
 use lumbre_night::experiment::spec::TableSpec;
 
 /// Labels and cells of a row.
@@ -12,7 +11,7 @@ type Row = (Vec<String>, Vec<TableCell>);
 
 /// Builds the caption: the value, the number of runs averaged, notation, runs and points that are
 /// left out, and long names.
-pub(super) fn caption(plan: &Plan, study: &Study, spec: &TableSpec, rows: &[Row]) -> String {
+pub(super) fn caption(study: &Study, spec: &TableSpec, rows: &[Row]) -> String {
     let mut sentences = vec![format!(
         "{}, {}.",
         quantity::title(&study.metrics, &spec.value),
@@ -34,12 +33,12 @@ pub(super) fn caption(plan: &Plan, study: &Study, spec: &TableSpec, rows: &[Row]
         1 => sentences.push("1 run has not finished and is left out.".to_owned()),
         n => sentences.push(format!("{n} runs have not finished and are left out.")),
     }
-    sentences.extend(plan.absent().iter().map(|(reason, count)| match count {
+    let absent = study.nights.iter().flat_map(|night| &night.plan.absent);
+    sentences.extend(absent.map(|(reason, count)| match count {
         1 => format!("1 point is left out: {reason}."),
         _ => format!("{count} points are left out: {reason}."),
     }));
     sentences.extend(study.bias_sentences());
-    sentences.extend(plan.biased_references());
     sentences.extend(long_names(study, spec));
     sentences.join(" ")
 }

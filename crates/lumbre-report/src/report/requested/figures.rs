@@ -12,7 +12,6 @@ use crate::metric_display::MetricDisplay;
 use crate::plot::axis::{Axis, Scale};
 use crate::plot::draw;
 use crate::plot::figure::{Figure, Line, Panel, SeriesEntry, covered};
-use crate::plot::style::{Colour, style};
 use crate::repeats::BandKind;
 use crate::report::convergence::panel::{line_of_repeats, x_axis};
 use crate::report::series::BIASED;
@@ -23,7 +22,6 @@ use lumbre_metrics::MetricSpec;
 use lumbre_night::columns::{FIGURE, names};
 use lumbre_night::experiment::night::run::Run;
 use lumbre_night::experiment::night::{Night, NightPlan};
-use lumbre_night::experiment::plan::Plan;
 use lumbre_night::experiment::spec::{FigureKind, FigureSpec, FigureX, TableValue};
 use lumbre_night::text::csv_line;
 
@@ -38,6 +36,8 @@ pub(super) const LONGEST_STEM: usize = 120;
 pub struct FigureFiles {
     /// Unique file name without extension, of letters, digits, `-`, `_`, `=` and `.`.
     pub stem: String,
+    /// Name of the figure, with the values of its facet.
+    pub title: String,
     /// Picture as SVG.
     pub svg: String,
     /// Data of the picture as CSV, with the columns:
@@ -65,7 +65,7 @@ pub struct FigureFiles {
 ///
 /// Times of several devices never share an axis. If the night has several, each has separate
 /// figures, as if the device were an additional facet.
-pub fn figures(plan: &Plan, night: &Night, spec: &FigureSpec) -> Vec<FigureFiles> {
+pub fn figures(night: &Night, spec: &FigureSpec) -> Vec<FigureFiles> {
     let roles = AxisRoles::new(night, spec);
     let study = Study::of_night(night, &roles.by, &roles.facet);
     let split_devices = spec.is_timed() && night.devices().len() > 1;
@@ -109,8 +109,9 @@ pub fn figures(plan: &Plan, night: &Night, spec: &FigureSpec) -> Vec<FigureFiles
         };
         FigureFiles {
             stem: unique_stem(&spec.name, &picture.facet, &mut taken),
+            title: after_name(&spec.name, &picture.facet_text()),
             csv: content.csv.clone(),
-            svg: draw::draw(&picture.figure(content, plan.biased_references())),
+            svg: draw::draw(&picture.figure(content)),
         }
     };
     pictures.iter().map(files).collect()
@@ -266,37 +267,25 @@ impl<'a> PictureOfFacet<'a> {
         csv_line(&header)
     }
 
-    /// Builds the figure, with title, provenance and series. `biased` are notes on biased
-    /// references.
-    fn figure(&self, content: FigureContent, biased: Vec<String>) -> Figure {
-        let pair =
-            |(axis, value): &(String, String)| format!("{axis} = {}", self.study.name(value));
-        let facet: Vec<String> = self.facet.iter().map(pair).collect();
-        let facet = facet.join(", ");
-        let name = self.study.nights[0].plan.name.clone();
-        let title = if facet.is_empty() {
-            name
-        } else {
-            format!("{name}: {facet}")
-        };
+    /// Builds the figure, with title, provenance and series.
+    fn figure(&self, content: FigureContent) -> Figure {
+        let facet = self.facet_text();
+        let title = after_name(&self.study.nights[0].plan.name, &facet);
         let mut notes = vec![content.notes];
         let entries = (0..self.study.series.len()).map(|index| {
             let (label, long) = self.label(index);
             notes.extend(long.map(|long| format!("{label}: {long}")));
-            let values = &self.study.series[index].values;
-            let report = &self.study.nights[0].plan.report;
-            let mut colours = values.iter().filter_map(|value| report.colour(value));
             SeriesEntry {
                 label: if self.is_denoised(index) && !label.is_empty() {
                     label + BIASED
                 } else {
                     label
                 },
-                style: style(index).coloured(colours.find_map(Colour::parse)),
+                style: self.study.series[index].style,
             }
         });
         let series = entries.collect();
-        notes.extend(biased);
+        notes.extend(self.study.biased_references());
         notes.retain(|note| !note.is_empty());
         Figure {
             title,
@@ -307,6 +296,14 @@ impl<'a> PictureOfFacet<'a> {
             panels: content.panels,
             series,
         }
+    }
+
+    /// Returns the values of the facet, such as `scene = box, depth = 5`.
+    fn facet_text(&self) -> String {
+        let pair =
+            |(axis, value): &(String, String)| format!("{axis} = {}", self.study.name(value));
+        let facet: Vec<String> = self.facet.iter().map(pair).collect();
+        facet.join(", ")
     }
 
     /// Lists program, plan and runs for the picture's metadata.
@@ -353,6 +350,14 @@ impl<'a> PictureOfFacet<'a> {
         };
         let long = long.filter(|long| *long != label);
         (label, long)
+    }
+}
+
+/// Returns a name with the values of a facet, if there are any.
+fn after_name(name: &str, facet: &str) -> String {
+    match facet {
+        "" => name.to_owned(),
+        facet => format!("{name}: {facet}"),
     }
 }
 

@@ -8,21 +8,20 @@ use crate::report::study::{Member, Study};
 use crate::table::ranking::Ranking;
 use crate::table::{Digits, Table, TableCell, TableKind};
 use lumbre_night::experiment::night::Night;
-use lumbre_night::experiment::plan::Plan;
 use lumbre_night::experiment::spec::TableSpec;
 
 /// Computes the tables of a specification: one table, or one for each device if the value is a
 /// time and the night used several devices. Runs that failed, were interrupted or never started are
 /// left out; the caption reports their number.
-pub fn tables(plan: &Plan, night: &Night, spec: &TableSpec) -> Vec<Table> {
+pub fn tables(night: &Night, spec: &TableSpec) -> Vec<Table> {
     let study = Study::of_night(night, &spec.cols, &spec.rows);
     let mut devices = night.devices();
     if devices.len() < 2 || !spec.value.is_clock() {
-        return vec![table(plan, &study, spec, None)];
+        return vec![table(&study, spec, None)];
     }
     devices.sort();
     let of_device = |(i, device): (usize, &String)| {
-        let table = table(plan, &study, spec, Some(device));
+        let table = table(&study, spec, Some(device));
         let mut rows = table.rows;
         rows.retain(|(_, cells)| cells.iter().any(|cell| cell.runs > 0));
         Table {
@@ -36,7 +35,7 @@ pub fn tables(plan: &Plan, night: &Night, spec: &TableSpec) -> Vec<Table> {
 }
 
 /// Computes a table of the runs on one device, or of all.
-fn table(plan: &Plan, study: &Study, spec: &TableSpec, device: Option<&str>) -> Table {
+fn table(study: &Study, spec: &TableSpec, device: Option<&str>) -> Table {
     let is_shown = |m: &Member| device.is_none() || m.run.device.as_deref() == device;
     let row = |facet: usize| {
         let cell = |series: usize| {
@@ -64,7 +63,7 @@ fn table(plan: &Plan, study: &Study, spec: &TableSpec, device: Option<&str>) -> 
         kind: TableKind::Other,
         section: String::new(),
         title: spec.name.clone(),
-        caption: caption(plan, study, spec, &rows),
+        caption: caption(study, spec, &rows),
         unit: String::new(),
         label_headers: spec.rows.clone(),
         groups: vec![(String::new(), columns.len())],

@@ -271,5 +271,7 @@ fn a_scene_is_picked_by_typing() {
     fixture.press('?');
     assert_eq!(fixture.state.overlay, Overlay::Help(0));
     fixture.press('?');
+    // A key too many must not end it.
+    assert_eq!(fixture.send(&key(KeyCode::Esc)), None);
     assert_eq!(fixture.press('q'), Some(Command::Quit));
 }

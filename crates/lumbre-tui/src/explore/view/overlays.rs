@@ -35,7 +35,7 @@ const KEYS: &[(&str, &str)] = &[
     ("x", "write the settings as a script"),
     ("o", "choose another scene"),
     ("Tab", "hide or show the settings"),
-    ("q Esc", "quit"),
+    ("q", "quit"),
     ("mouse", "drag: orbit; right drag: pan"),
     ("", "wheel: dolly; right click: focus"),
 ];

@@ -20,7 +20,7 @@ fn figures(
     device: impl Fn(CellRef, &Outcome) -> Option<String>,
 ) -> Vec<FigureFiles> {
     let night = fixture::night(plan, results);
-    requested::figures(plan, &requested::night(&night, device), spec)
+    requested::figures(&requested::night(&night, device), spec)
 }
 
 fn spec(y: &[&str], by: Option<&str>, facet: &[&str]) -> FigureSpec {

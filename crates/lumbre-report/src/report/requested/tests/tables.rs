@@ -15,7 +15,7 @@ fn tables(
     device: impl Fn(CellRef, &Outcome) -> Option<String>,
 ) -> Vec<Table> {
     let night = fixture::night(plan, results);
-    requested::tables(plan, &requested::night(&night, device), spec)
+    requested::tables(&requested::night(&night, device), spec)
 }
 
 fn build(plan: &Plan, spec: &TableSpec, results: &[Event]) -> Table {
