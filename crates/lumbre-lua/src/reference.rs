@@ -1,7 +1,8 @@
-//! Reference page of the Lua interface, generated from the tables that validate scripts.
+//! Reference pages of the Lua interface, generated from the tables that validate scripts.
 //!
-//! [`reference()`] returns the generated part of docs/reference/script.md. [`SECTIONS`] groups the
-//! functions and option tables; a test checks that no function and no table is missing.
+//! [`reference()`] returns the generated parts of the pages in docs/reference. [`EXPERIMENTS`] and
+//! [`SCENES`] group the functions and option tables; a test checks that no function and no table is
+//! missing.
 
 use std::collections::BTreeSet;
 
@@ -15,7 +16,7 @@ use lumbre_metrics::METRICS;
 use lumbre_metrics::tonemap::TONEMAPS;
 use lumbre_scene_io::edit::{ENTITY_PARAMS, ENVIRONMENT_PARAMS, LIGHT_PARAMS, SCENE_PARAMS};
 
-/// Section of the page.
+/// Section of a page.
 struct Section {
     /// Heading of the section.
     title: &'static str,
@@ -27,8 +28,8 @@ struct Section {
     extra: Option<fn(&mut Page)>,
 }
 
-/// Sections of the page, in order.
-const SECTIONS: &[Section] = &[
+/// Sections on scripts of experiments, in order.
+const EXPERIMENTS: &[Section] = &[
     Section {
         title: "Experiment",
         intro: "An experiment script creates one experiment, calls its methods, and ends with \
@@ -124,6 +125,10 @@ const SECTIONS: &[Section] = &[
         functions: &["x:report", "x:note", "x:figure", "x:table", "time_to"],
         extra: None,
     },
+];
+
+/// Sections on scripts of scenes, in order.
+const SCENES: &[Section] = &[
     Section {
         title: "Scene scripts",
         intro: "A scene script creates one scene, calls its methods, and ends with `return s`. \
@@ -214,8 +219,12 @@ const TYPES: &[(&str, &str)] = &[
     ),
 ];
 
-/// Returns the generated part of docs/reference/script.md.
-pub fn reference() -> String {
+/// Names of the files in docs/reference whose generated parts [`reference()`] returns.
+const FILES: [&str; 2] = ["script.md", "scene_script.md"];
+
+/// Returns the generated parts of the pages on experiments and on scenes, each with the name of its
+/// file in docs/reference.
+pub fn reference() -> [(&'static str, String); 2] {
     let mut page = Page::default();
     page.text("## Types");
     page.push(&table_head(["type", "meaning"]));
@@ -223,17 +232,40 @@ pub fn reference() -> String {
         page.push(&row([&format!("`{name}`"), meaning]));
     }
     page.push("\n");
-    for section in SECTIONS {
-        page.text(&format!("## {}", section.title));
-        page.text(section.intro);
-        for name in section.functions {
-            page.function(name);
-        }
-        if let Some(extra) = section.extra {
-            extra(&mut page);
-        }
+    let texts = [EXPERIMENTS, SCENES].map(|sections| {
+        sections.iter().for_each(|section| page.section(section));
+        std::mem::take(&mut page.out).trim_end().to_owned() + "\n"
+    });
+    let places = texts.each_ref().map(|text| places(text));
+    [0, 1].map(|i| {
+        let there = |place: &str| !places[i].contains(place) && places[1 - i].contains(place);
+        (FILES[i], linked(&texts[i], FILES[1 - i], there))
+    })
+}
+
+/// Returns the addresses of the headings of a page, as renderers of Markdown form them.
+fn places(page: &str) -> BTreeSet<String> {
+    let headings = page.lines().filter_map(|line| {
+        let heading = line.trim_start_matches('#');
+        (heading.len() < line.len()).then_some(heading.trim())
+    });
+    let address = |heading: &str| -> String {
+        let kept = heading.to_lowercase().replace(' ', "-");
+        kept.replace(|c: char| !c.is_alphanumeric() && c != '-' && c != '_', "")
+    };
+    headings.map(address).collect()
+}
+
+/// Directs the links of a page to those headings that stand on another one.
+fn linked(page: &str, other: &str, is_there: impl Fn(&str) -> bool) -> String {
+    let mut parts = page.split("](#");
+    let mut text = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let place = part.split(')').next().unwrap_or_default();
+        let file = if is_there(place) { other } else { "" };
+        text += &format!("]({file}#{part}");
     }
-    page.out.trim_end().to_owned() + "\n"
+    text
 }
 
 /// Page under construction.
@@ -273,6 +305,18 @@ impl Page {
     /// Appends Markdown as it is.
     fn push(&mut self, markdown: &str) {
         self.out += markdown;
+    }
+
+    /// Appends a section with its functions and tables.
+    fn section(&mut self, section: &Section) {
+        self.text(&format!("## {}", section.title));
+        self.text(section.intro);
+        for name in section.functions {
+            self.function(name);
+        }
+        if let Some(extra) = section.extra {
+            extra(self);
+        }
     }
 
     /// Appends a paragraph.
@@ -516,7 +560,8 @@ mod tests {
 
     #[test]
     fn every_function_and_every_key_is_on_the_page() {
-        let page = reference();
+        let pages = reference();
+        let page = pages.map(|(_, text)| text).concat();
         for row in functions() {
             let heading = format!("### `{}`\n", signature(row));
             assert_eq!(page.matches(&heading).count(), 1, "{}", row.name);
@@ -545,7 +590,8 @@ mod tests {
 
     #[test]
     fn every_type_in_a_signature_is_explained() {
-        let page = reference();
+        let pages = reference();
+        let page = pages.map(|(_, text)| text).concat();
         for row in functions() {
             let types = row.params.iter().map(|p| p.ty).chain([row.returns]);
             let words = types.flat_map(|ty| ty.split(|c: char| !c.is_alphanumeric()));

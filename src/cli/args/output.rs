@@ -46,7 +46,8 @@ pub struct DiffArgs {
     /// than their noise (repeatable).
     ///
     /// `relmse=0.01` limits a metric. `ztest=0.001` compares blocks of pixels with their noise at
-    /// this false discovery rate, as the bias check of a reference does.
+    /// this false discovery rate, as the bias check of a reference does. `detects=0.01` fails where
+    /// the noise may hide a bias of the total light of 1 %: use more samples.
     #[arg(long, value_name = "NAME=VALUE")]
     pub fail: Vec<String>,
     /// Read the standard error of every pixel from this picture, for `--fail ztest`; repeat it for

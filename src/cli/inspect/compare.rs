@@ -302,7 +302,7 @@ impl PicturePair {
             }
             if variances.iter().all(Option::is_none) {
                 return Err(Failure::usage(
-                    "`--fail ztest` compares pictures with their noise: give a picture of standard \
+                    "`--fail ztest` and `detects` compare pictures with their noise: give a picture of standard \
                      errors by `--stderr`",
                 ));
             }

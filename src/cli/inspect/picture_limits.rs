@@ -13,6 +13,10 @@ use lumbre_report::plot::escape;
 
 /// Name of the limit of the noise.
 const ZTEST: &str = "ztest";
+/// Name of the limit of the bias that the noise may hide.
+const DETECTS: &str = "detects";
+/// False discovery rate at which that bias is stated.
+const DETECTION_RATE: f64 = 0.001;
 
 /// A limit of the difference of two pictures.
 pub(super) enum Limit {
@@ -22,6 +26,13 @@ pub(super) enum Limit {
         text: String,
         /// Greatest share of false alarms, in (0, 1).
         rate: f64,
+    },
+    /// The noise is low enough for a test of the whole pictures to find this relative bias.
+    Detects {
+        /// Text on the command line.
+        text: String,
+        /// Relative bias of the total light, positive.
+        bias: f64,
     },
     /// A metric is not worse than a value.
     Metric {
@@ -45,27 +56,37 @@ pub(super) struct LimitResult {
 }
 
 impl Limit {
-    /// Parses `ztest=RATE` or `METRIC=VALUE`, where `metric` parses the metric.
+    /// Parses `ztest=RATE`, `detects=BIAS` or `METRIC=VALUE`, where `metric` parses the metric.
     ///
     /// # Errors
-    /// Returns an error for another form, an unknown metric, and a rate outside of (0, 1).
+    /// Returns an error for another form, an unknown metric, and a rate or bias outside of (0, 1).
     pub fn parse(
         text: &str,
         metric: impl Fn(&str) -> Result<MetricSpec, Failure>,
     ) -> Result<Limit, Failure> {
         let expected = || {
             Failure::usage(format!(
-                "--fail {text}: expected {ZTEST}=RATE with a rate such as 0.001, or METRIC=VALUE"
+                "--fail {text}: expected {ZTEST}=RATE with a rate such as 0.001, {DETECTS}=BIAS with \
+                 a relative bias such as 0.01, or METRIC=VALUE"
             ))
         };
         let (name, value) = text.rsplit_once('=').ok_or_else(expected)?;
         let value: f64 = value.trim().parse().map_err(|_| expected())?;
         let text = text.to_owned();
-        if name.trim() == ZTEST {
-            let is_rate = value > 0.0 && value < 1.0;
-            return is_rate
-                .then_some(Limit::Noise { text, rate: value })
-                .ok_or_else(expected);
+        let noise = match name.trim() {
+            ZTEST => Some(Limit::Noise {
+                text: text.clone(),
+                rate: value,
+            }),
+            DETECTS => Some(Limit::Detects {
+                text: text.clone(),
+                bias: value,
+            }),
+            _ => None,
+        };
+        if let Some(limit) = noise {
+            let is_share = value > 0.0 && value < 1.0;
+            return is_share.then_some(limit).ok_or_else(expected);
         }
         let spec = metric(name)?;
         Ok(Limit::Metric {
@@ -77,7 +98,7 @@ impl Limit {
 
     /// Returns whether the limit compares the pictures with their noise.
     pub fn needs_noise(&self) -> bool {
-        matches!(self, Limit::Noise { .. })
+        !matches!(self, Limit::Metric { .. })
     }
 
     /// Checks the limit on pictures of equal size. `variances` are those of the pixels of both;
@@ -91,26 +112,52 @@ impl Limit {
         variances: &[Option<Image>; 2],
     ) -> Result<LimitResult, Failure> {
         let [image, reference] = images;
+        let checked = |rate: f64| {
+            let exact = Image::new(image.width, image.height);
+            let [a, b] = [0, 1].map(|i| Estimate {
+                mean: images[i],
+                variance: variances[i].as_ref().unwrap_or(&exact),
+            });
+            let all = [a, b].map(|estimate| [estimate.mean, estimate.variance]);
+            match all.as_flattened().iter().find_map(|i| not_finite(i)) {
+                Some(found) => Err(format!("a picture or its noise has {found}")),
+                None => Ok(check_bias(a, b, rate)),
+            }
+        };
         match self {
             Limit::Noise { text, rate } => {
-                let exact = Image::new(image.width, image.height);
-                let [a, b] = [0, 1].map(|i| Estimate {
-                    mean: images[i],
-                    variance: variances[i].as_ref().unwrap_or(&exact),
-                });
-                let all = [a, b].map(|estimate| [estimate.mean, estimate.variance]);
-                if let Some(found) = all.as_flattened().iter().find_map(|i| not_finite(i)) {
-                    return Ok(LimitResult {
-                        limit: text.clone(),
-                        found: format!("a picture or its noise has {found}"),
-                        holds: false,
-                    });
-                }
-                let result = check_bias(a, b, *rate);
+                let (found, holds) = match checked(*rate) {
+                    Ok(result) => (result.describe(), result.comparisons > 0 && result.agrees()),
+                    Err(broken) => (broken, false),
+                };
                 Ok(LimitResult {
                     limit: text.clone(),
-                    found: result.describe(),
-                    holds: result.comparisons > 0 && result.agrees(),
+                    found,
+                    holds,
+                })
+            }
+            Limit::Detects { text, bias } => {
+                let (found, holds) = match checked(DETECTION_RATE) {
+                    Ok(result) if result.comparisons > 0 && result.is_whole_judged => {
+                        let least = result.least_bias();
+                        let least_percent = rounded(100.0 * least);
+                        let found = format!(
+                            "a bias of the total light of {least_percent} % is found in four of five \
+                             cases"
+                        );
+                        (found, least <= *bias)
+                    }
+                    Ok(_) => {
+                        let why =
+                            "few pixels have most of the noise, or too little light was found";
+                        (format!("{why}: the whole pictures are not compared"), false)
+                    }
+                    Err(broken) => (broken, false),
+                };
+                Ok(LimitResult {
+                    limit: text.clone(),
+                    found,
+                    holds,
                 })
             }
             Limit::Metric { text, spec, worst } => {
@@ -154,7 +201,7 @@ pub(super) fn junit(files: [&str; 2], results: &[LimitResult]) -> String {
         let (limit, found) = (escape(&result.limit), escape(&result.found));
         let head = format!("  <testcase classname=\"{image}\" name=\"{limit}\"");
         if result.holds {
-            format!("{head}/>\n")
+            format!("{head}>\n    <system-out>{found}</system-out>\n  </testcase>\n")
         } else {
             format!("{head}>\n    <failure message=\"{found}\"/>\n  </testcase>\n")
         }

@@ -75,11 +75,11 @@ struct NightStatus<'a> {
 }
 
 impl NightStatus<'_> {
-    /// Returns `running`, `silent`, `over` or `not started`.
+    /// Returns `running`, `silent`, `finished`, `ended` with work left, or `not started`.
     fn state(&self) -> &'static str {
         match (self.model.started_s, self.model.finished_s) {
             (None, _) => "not started",
-            (_, Some(_)) => "over",
+            (_, Some(_)) => self.model.night.counts().end_word(),
             _ if self.silence_s.is_some_and(|s| s >= SILENCE_S) => "silent",
             _ => "running",
         }

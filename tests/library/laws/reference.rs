@@ -22,7 +22,14 @@ fn check(page: &str, generated: &str) {
 
 #[test]
 fn the_script_reference_is_up_to_date() {
-    check("docs/reference/script.md", &lumbre_lua::reference());
+    let pages = lumbre_lua::reference().map(|(file, text)| {
+        let page = format!("docs/reference/{file}");
+        std::panic::catch_unwind(|| check(&page, &text))
+    });
+    assert!(
+        pages.iter().all(Result::is_ok),
+        "a page was written again: commit it"
+    );
 }
 
 #[test]

@@ -124,7 +124,7 @@ pub fn meshes() -> Vec<Case> {
                 "a.obj",
                 [b"v 0 0 0".to_vec(), b" \\\n".repeat(200_000)].concat(),
             )],
-            "",
+            "no faces to render",
         ),
         (
             "one library named by 3000 paths, and 2000 materials",

@@ -310,10 +310,16 @@ fn limits_of_a_difference_decide_the_exit_code_and_are_written_for_other_tests()
         args.extend(noise);
         place.run(&args)
     };
-    let same = diff("a.exr", &["ztest=1e-3", "rmse=0.1"]);
+    // 4096 pixels of mean 0.5 with errors of 0.02 in both: the ratio is known to 0.09 %.
+    let same = diff("a.exr", &["ztest=1e-3", "detects=0.006", "rmse=0.1"]);
     assert_eq!(same.status, 0, "{}", same.stdout);
     let xml = place.read("result.xml");
-    assert!(xml.contains("tests=\"2\" failures=\"0\""), "{xml}");
+    assert!(
+        xml.contains("tests=\"3\" failures=\"0\"") && xml.contains("<system-out>a bias of"),
+        "{xml}"
+    );
+    let coarse = diff("a.exr", &["detects=0.001"]);
+    assert_eq!(coarse.status, 5, "{}", coarse.stdout);
     // Equal seeds: the left half differs by the factor alone, and the error is half as great.
     let biased = diff("biased.exr", &["ztest=1e-3", "rmse=0.1", "ssim=0.9999"]);
     assert_eq!(biased.status, 5, "{}", biased.stdout);

@@ -127,7 +127,7 @@ fn the_status_has_a_version_and_reads_back() {
     run(&place, APPEND);
     let text = place.succeed(&["status", "--json"]).stdout;
     let report = StatusReport::parse(text.as_bytes()).unwrap();
-    assert_eq!((report.state.as_str(), report.cells.done), ("over", 2));
+    assert_eq!((report.state.as_str(), report.cells.done), ("finished", 2));
     let json: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert_eq!(json["version"], 1);
     // A run that has only started is rendered by devices, which are fields and a line.

@@ -308,13 +308,13 @@ fn status_reports_the_progress_of_a_night_from_its_files() {
     place.succeed(&["run", "night.lua", "-q"]);
     let page = place.succeed(&["status"]).stdout;
     assert!(
-        page.contains("over") && page.contains("4: 4 done") && page.contains("2 of 2"),
+        page.contains("finished") && page.contains("4: 4 done") && page.contains("2 of 2"),
         "{page}"
     );
     let facts = json(&place.succeed(&["status", "--json"]).stdout);
     assert_eq!(
         (facts["state"].as_str(), facts["cells"]["done"].as_u64()),
-        (Some("over"), Some(4))
+        (Some("finished"), Some(4))
     );
     assert_eq!(facts["current"], Json::Null);
     // A run whose last file is missing is not done, whatever the journal records.

@@ -308,7 +308,8 @@ fn the_page_works_in_a_browser_without_a_network() {
     let place = reported();
     place.succeed(&["report", "out/latest", "--to", "r"]);
     let expected = serde_json::json!({
-        "names": 3, "pressed": 2, "differs": 5, "zero": true, "sorted": true, "rows": 4, "narrowed": 2, "curves": 4,
+        "names": 3, "pressed": 2, "differs": 5, "zero": true, "sorted": true, "rows": 4, "narrowed": 2, "slider": true,
+        "curves": 4,
     });
     assert_eq!(probed(&place, browser, 800, KEYS), expected);
     let expected =

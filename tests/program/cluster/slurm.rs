@@ -222,7 +222,7 @@ fn a_night_on_slurm_survives_killed_requeued_and_expired_jobs() {
     let json: serde_json::Value = serde_json::from_str(&run(&["status", &home, "--json"])).unwrap();
     assert_eq!(
         (&json["state"], &json["cells"]["done"]),
-        (&"over".into(), &12.into()),
+        (&"finished".into(), &12.into()),
         "{json:#}"
     );
 

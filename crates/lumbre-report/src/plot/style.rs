@@ -60,7 +60,7 @@ pub struct Style {
 
 /// Techniques in the order of their styles, those that are compared most often first. Others of the
 /// program follow in the order of its table.
-const TECHNIQUES: [&str; 3] = ["bpt", "nee", "bdpt"];
+const TECHNIQUES: [&str; 4] = ["bpt", "nee", "bdpt", "vcm"];
 
 /// Returns the styles of some different techniques, each the same whatever the others are.
 /// Techniques that the program does not have follow those that it has, in the order of `names`.

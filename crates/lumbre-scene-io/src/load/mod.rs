@@ -35,6 +35,7 @@ use std::io::Read;
 use std::path::Path;
 
 use crate::stage::{self, Stage};
+use lumbre_light::scene::desc::{EntityDesc, ShapeDesc};
 use lumbre_light::scene::{Note, SceneDesc, SceneError, note};
 
 /// Every scene format, in the order in which they are tried on files without a known extension.
@@ -177,7 +178,8 @@ fn load_any(
 /// Without one, a model in which nothing emits light gets a studio, with a note.
 ///
 /// # Errors
-/// Fails like [`load_with`], and for a variable that the file does not name.
+/// Fails like [`load_with`], for a variable that the file does not name, and for a model without
+/// faces.
 pub fn load_on_stage(
     path: &Path,
     missing: MissingTextures,
@@ -185,6 +187,14 @@ pub fn load_on_stage(
     variables: &Variables,
 ) -> Result<(SceneDesc, Vec<Note>), SceneError> {
     let (format, mut desc, mut notes) = load_any(path, missing, variables)?;
+    // A scene without entities may be meant; a mesh without faces is no mesh.
+    let is_empty = |entity: &EntityDesc| matches!(&entity.shape, ShapeDesc::Mesh(mesh) if mesh.triangles.is_empty());
+    if format.is_model && !desc.entities.is_empty() && desc.entities.iter().all(is_empty) {
+        let first = notes.first();
+        let first = first.map(|note| format!(" ({}: {})", note.place, note.message));
+        let problem = format!("it has no faces to render{}", first.unwrap_or_default());
+        return Err(SceneError::malformed(path, "whole file", problem));
+    }
     match stage {
         Some(stage) => stage::set_up(&mut desc, stage),
         None if format.is_model && stage::is_unlit(&desc) => {
@@ -262,6 +272,21 @@ mod tests {
         std::fs::write(&text, "hello").unwrap();
         let e = load(&text).unwrap_err().to_string();
         assert!(e.contains(".json, .scn, .obj, .ply, .xml, .pbrt"), "{e}");
+    }
+
+    #[test]
+    fn a_model_without_faces_is_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let text = dir.path().join("text.obj");
+        std::fs::write(&text, "hello world\nv 0 0 0\n").unwrap();
+        let stage = |text| load_on_stage(text, MissingTextures::Fail, None, &Variables::new());
+        let e = stage(&text).unwrap_err().to_string();
+        assert!(
+            e.contains("no faces to render (line 1: not a statement of OBJ"),
+            "{e}"
+        );
+        std::fs::write(&text, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+        assert!(stage(&text).is_ok());
     }
 
     #[test]

@@ -365,7 +365,8 @@ impl ProgressLines {
         self.print(
             color,
             &format!(
-                "night finished: {} of {}",
+                "night {}: {} of {}",
+                self.model.night.counts().end_word(),
                 parts.join(", "),
                 counted(c.total() as u64, "cell")
             ),

@@ -55,6 +55,15 @@ impl StateCounts {
         self.done + self.cached + self.failed
     }
 
+    /// Returns the word for a night that has ended with these: `finished`, or `ended` if work is
+    /// left.
+    pub fn end_word(&self) -> &'static str {
+        match self.settled() == self.total() {
+            true => "finished",
+            false => "ended",
+        }
+    }
+
     /// Returns the number of all.
     pub fn total(&self) -> usize {
         self.settled() + self.waiting + self.running + self.interrupted

@@ -40,8 +40,9 @@ const SECURITY_POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; \
                                style-src 'unsafe-inline'; img-src data:; font-src data:";
 
 /// Ids and names of the sections to which the page links.
-const SECTIONS: [(&str, &str); 7] = [
+const SECTIONS: [(&str, &str); 8] = [
     ("answer", "Answer"),
+    ("requested", "Requested"),
     ("viewer", "Pictures"),
     ("curves", "Curves"),
     ("tables", "Tables"),
@@ -230,10 +231,15 @@ fn document(
                     @for note in &night.plan.report.notes { p.meta { (note) } }
                 }
                 (sections::answer(study, verdict, views, text.notes.len()))
-                (sections::requested(study, items))
+                @let requested = sections::requested(study, items);
                 nav {
-                    @for (id, name) in SECTIONS { a href={ "#" (id) } { (name) } }
+                    @for (id, name) in SECTIONS {
+                        @if id != "requested" || requested.is_some() {
+                            a href={ "#" (id) } { (name) }
+                        }
+                    }
                 }
+                @if let Some(requested) = requested { (requested) }
                 (PreEscaped(include_str!("parts.html")))
                 (sections::tables(study, items))
                 (sections::figures(study, items))

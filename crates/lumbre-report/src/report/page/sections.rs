@@ -129,7 +129,7 @@ fn run_index<'a>(study: &'a Study) -> BTreeMap<&'a str, usize> {
 }
 
 /// Writes the figures and tables that the script requests, if there are any.
-pub fn requested(study: &Study, items: &[ReportItem]) -> Markup {
+pub fn requested(study: &Study, items: &[ReportItem]) -> Option<Markup> {
     let run_index = run_index(study);
     let requested = items.iter().filter(|item| item.section == SECTION);
     let parts: Vec<Markup> = requested
@@ -138,14 +138,14 @@ pub fn requested(study: &Study, items: &[ReportItem]) -> Markup {
             None => figure(item),
         })
         .collect();
-    html! {
-        @if !parts.is_empty() {
-            section #requested {
-                h2 { (SECTION) }
-                div.items { @for part in parts { (part) } }
-            }
+    let is_empty = parts.is_empty();
+    let section = html! {
+        section #requested {
+            h2 { (SECTION) }
+            div.items { @for part in parts { (part) } }
         }
-    }
+    };
+    (!is_empty).then_some(section)
 }
 
 /// Writes all other tables.

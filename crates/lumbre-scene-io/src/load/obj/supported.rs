@@ -134,7 +134,7 @@ impl NotedKeywords {
         Some(if is_known {
             format!("statements `{keyword}` are not supported; ignored")
         } else {
-            "this is no statement of the format; it and others like it are ignored".to_owned()
+            "not a statement of OBJ; ignored, as others like it".to_owned()
         })
     }
 }

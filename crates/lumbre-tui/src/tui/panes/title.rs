@@ -34,7 +34,10 @@ fn status(model: &NightModel, view: &View) -> (&'static str, Style) {
     if model.planned().is_none() {
         ("starting", caps.dim())
     } else if model.finished_s.is_some() {
-        ("finished", caps.good())
+        match model.night.counts().end_word() {
+            word @ "finished" => (word, caps.good()),
+            word => (word, caps.warn()),
+        }
     } else if view.watching {
         ("watching", caps.accent())
     } else if view.requests.stopping {
