@@ -8,7 +8,7 @@ use lumbre_night::experiment::aa_check;
 use lumbre_night::experiment::night::state_counts::StateCounts;
 use lumbre_night::experiment::plan::ReferenceSource;
 use lumbre_night::experiment::spec::{FigureSpec, TableFormat};
-use lumbre_night::experiment::{Night, NightSummary, Outcome, Plan};
+use lumbre_night::experiment::{CellRef, Night, NightSummary, Outcome, Plan};
 use lumbre_night::store::Store;
 use lumbre_report::report::{self, ReportOptions, Study, requested};
 use lumbre_report::{plot, summary};
@@ -95,8 +95,11 @@ pub(in crate::cli) fn collect(store: &Store, plan: &Plan, night: &Night) -> Nigh
     })
 }
 
-/// Prints all tables of a plan to stdout as Markdown.
+/// Prints all tables of a plan to stdout as Markdown, once a run has finished.
 pub(in crate::cli) fn print_tables(plan: &Plan, results: &Night) -> Result<(), Failure> {
+    if !results.runs.iter().any(|run| run.is_done()) {
+        return Ok(());
+    }
     let tables = plan
         .tables
         .iter()
@@ -132,10 +135,12 @@ pub(in crate::cli) fn print_left_to_others(plan: &Plan, night: &NightSummary) {
 /// Prints the references that a second technique contradicts, also with `--quiet`.
 pub(in crate::cli) fn print_disagreements(plan: &Plan, night: &NightSummary) {
     for found in &night.disagreements {
-        let id = &plan.references[found.reference].id;
+        let cell = CellRef::Reference(found.reference);
+        let (path, id) = (night.night.path(cell), plan.id(cell));
         print_status(&format!(
-            "alarm: reference {id} {}; see the map in its folder (exit code 6)",
-            found.found
+            "alarm: {path} {}; see the map in its folder, refs/{}/{id} (exit code 6)",
+            found.found,
+            &id.0[..2]
         ));
     }
 }
@@ -162,10 +167,17 @@ pub(super) fn print_locations(store: &Store, plan: &Plan, night: &Night) {
         ..
     } = night.counts();
     let all = night.all().count();
+    let left = all - done - cached - failed;
+    let resumes = match left {
+        0 => "",
+        _ => "; the same command resumes",
+    };
     print_status(&format!(
-        "{done} done, {cached} cached, {failed} failed, {} left of {all}",
-        all - done - cached - failed
+        "{done} done, {cached} cached, {failed} failed, {left} left of {all}{resumes}"
     ));
+    if done + cached == 0 {
+        return;
+    }
     print_status(&format!(
         "pictures   {}",
         display_path(&folder.join("runs"))
