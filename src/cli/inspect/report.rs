@@ -63,6 +63,7 @@ pub fn main(args: &ReportArgs, global: &Global) -> Result<Exit, Failure> {
     }
     let context = ReportContext {
         pictures: &|path| read_picture(path, &evidence),
+        bytes: &|path| evidence.read(path),
         problems: &|| evidence.problems(),
         link: &link,
         command: &command,

@@ -31,6 +31,7 @@ mod references;
 mod render;
 mod report;
 mod reproduce;
+mod sheets;
 mod signals;
 mod studies;
 mod survive;

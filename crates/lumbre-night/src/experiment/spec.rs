@@ -7,6 +7,7 @@ use std::path::PathBuf;
 pub use super::figure_x::FigureX;
 use super::hook_error::HookError;
 use super::outcome::WaveRow;
+pub use super::sheet::{PictureMoment, SheetContent, SheetSpec};
 use super::stop::StopRule;
 pub use super::table_value::{RunColumn, TableValue};
 use lumbre_light::value::Value;
@@ -48,6 +49,8 @@ pub struct ExperimentSpec {
     pub figures: Vec<FigureSpec>,
     /// Tables to write.
     pub tables: Vec<TableSpec>,
+    /// Sheets of pictures and frames to draw.
+    pub sheets: Vec<SheetSpec>,
     /// Presentation of the results in figures, tables and reports.
     pub report: Presentation,
 }

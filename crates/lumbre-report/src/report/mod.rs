@@ -76,10 +76,15 @@ pub enum ReportError {
 /// Callback that reads and decodes a picture file, or returns an error message.
 pub type Pictures<'a> = dyn Fn(&Path) -> Result<Image, String> + 'a;
 
+/// Callback that reads a file, or returns an error message.
+pub type Bytes<'a> = dyn Fn(&Path) -> Result<Vec<u8>, String> + 'a;
+
 /// Callbacks to the program that a report needs.
 pub struct ReportContext<'a> {
     /// Reads a picture.
     pub pictures: &'a Pictures<'a>,
+    /// Reads any other file of a run.
+    pub bytes: &'a Bytes<'a>,
     /// Descriptions of everything read so far that does not match its checksum, which is left out.
     pub problems: &'a dyn Fn() -> Vec<String>,
     /// Returns the relative URL of a file or folder as seen from the report's page.
@@ -125,6 +130,11 @@ pub fn build(
     items.extend(crops::all(study, options, context.pictures, &mut notes)?);
     items.extend(films::all(study, context.pictures, &mut notes)?);
     items.extend(times::all(study, context.pictures, &mut notes)?);
+    let files = requested::RunFiles {
+        pictures: context.pictures,
+        bytes: context.bytes,
+    };
+    items.extend(requested::sheets(study.nights, files, false, &mut notes)?);
     items.extend(heat::all(study, options)?);
     items.extend(tables::all(study, options, &mut notes)?);
     items.extend(tidy::all(study));

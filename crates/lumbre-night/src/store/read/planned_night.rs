@@ -9,7 +9,7 @@ use crate::experiment::CellRef;
 use crate::experiment::night::reference::ReferencePlan;
 use crate::experiment::night::run::{RunPlan, StopOutline};
 use crate::experiment::night::{Night, NightPlan};
-use crate::experiment::spec::Presentation;
+use crate::experiment::spec::{Presentation, SheetSpec};
 use crate::experiment::stop::StopRule;
 use crate::store::schema::plan::{
     PlanFile, PlannedCell, PlannedReference, PresentationRecord, StopRecord,
@@ -34,6 +34,8 @@ pub(crate) fn planned_night(files: &NightReader) -> Night {
         integrator: cell.integrator.clone(),
         backend: cell.backend.clone(),
         denoise: cell.denoise.clone(),
+        timing: cell.timing.clone(),
+        delays: cell.delays.clone(),
         scene: cell.scene.clone(),
         max_depth: cell.max_depth,
         resolution: cell.resolution,
@@ -58,6 +60,13 @@ pub(crate) fn planned_night(files: &NightReader) -> Night {
             },
         }
     };
+    let mut sheets = Vec::new();
+    for sheet in &plan.sheets {
+        match SheetSpec::from_value(sheet) {
+            Ok(sheet) => sheets.push(sheet),
+            Err(e) => notes.push(format!("a sheet is left out: {e}")),
+        }
+    }
     let defaults = NightPlan::default();
     let display = Tonemap::from_value("display", &plan.measure.display);
     let facts = NightPlan {
@@ -68,6 +77,7 @@ pub(crate) fn planned_night(files: &NightReader) -> Night {
         settings: plan.settings.clone(),
         metrics,
         display: display.unwrap_or(defaults.display),
+        sheets,
         report: plan.report.as_ref().map(presentation).unwrap_or_default(),
         order: plan.night.order.clone(),
         skipped: plan.skipped.len(),
