@@ -45,7 +45,7 @@ fn figure() -> FigureSpec {
 fn sheet(rows: &[&str]) -> SheetSpec {
     let rows = rows.iter().map(|axis| Value::from(*axis)).collect();
     let options = [("rows".to_owned(), Value::List(rows))];
-    SheetSpec::new("sheet", "s", &options.into()).unwrap()
+    SheetSpec::new(options.into()).unwrap()
 }
 
 fn over(y: Vec<TableValue>, axis: &str) -> FigureSpec {

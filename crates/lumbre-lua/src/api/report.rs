@@ -319,7 +319,12 @@ fn declare_sheet(args: &Args, kind: &str, schema: &Table) -> Result<LuaValue, Sc
     let name = file_name(args)?;
     let options = args.table(1, "options")?;
     let fields = strict::fields(&options, schema, &format!("{kind}.{name}"), false);
-    let spec = fields.and_then(|fields| SheetSpec::new(kind, &name, &fields.values));
+    let spec = fields.and_then(|mut fields| {
+        let declared = [("kind", kind), ("name", &name)];
+        let declared = declared.map(|(key, text)| (key.to_owned(), text.into()));
+        fields.values.extend(declared);
+        SheetSpec::new(fields.values)
+    });
     let spec = spec.map_err(|e| args.locate_error(e))?;
     let mut builder = args.shared.builder.borrow_mut();
     check_name_is_new(args, &name, &builder.sheets, |s| &s.name)?;

@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 
+use super::outcome::WaveRow;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{SchemaError, duration_s};
 use lumbre_metrics::tonemap::Tonemap;
@@ -25,6 +26,9 @@ pub struct SheetSpec {
     pub display: Option<Tonemap>,
     /// Pictures of the sheet.
     pub content: SheetContent,
+    /// Canonical form: the options of the script, with the keys `kind`, the name of the method that
+    /// declares it, and `name`.
+    pub options: BTreeMap<String, Value>,
 }
 
 /// Pictures of a sheet.
@@ -74,47 +78,35 @@ impl PictureMoment {
         }
     }
 
-    fn to_value(self) -> Value {
+    /// Returns whether it is after a measurement.
+    pub fn is_after(self, row: &WaveRow) -> bool {
         match self {
-            PictureMoment::End => "end".into(),
-            PictureMoment::Time(seconds) => Value::Str(format!("{seconds}s")),
-            PictureMoment::Samples(samples) => Value::number(samples as f64),
+            PictureMoment::End => false,
+            PictureMoment::Time(seconds) => row.render_s < seconds,
+            PictureMoment::Samples(samples) => row.samples < samples,
         }
     }
 }
 
 impl SheetSpec {
-    /// Returns the name of the script's method that declares it: `sheet` or `frames`.
-    pub fn kind(&self) -> &'static str {
-        match self.content {
-            SheetContent::Pictures { .. } => "sheet",
-            SheetContent::Frames { .. } => "frames",
-        }
-    }
-
-    /// Creates the sheet of a method, `sheet` or `frames`, from its options, whose types have been
-    /// checked.
+    /// Creates a sheet from its canonical form, whose types have been checked. Without `kind` it is
+    /// a sheet of pictures.
     ///
     /// # Errors
-    /// Returns an error for a tone map or a moment that is none.
-    pub fn new(
-        kind: &str,
-        name: &str,
-        options: &BTreeMap<String, Value>,
-    ) -> Result<SheetSpec, SchemaError> {
-        let path = |key: &str| format!("{kind}.{name}.{key}");
+    /// Returns an error for an invalid tone map or moment.
+    pub fn new(options: BTreeMap<String, Value>) -> Result<SheetSpec, SchemaError> {
+        let text = |key: &str| options.get(key).and_then(Value::as_str);
         let items = |key: &str| options.get(key).map_or(&[][..], Value::one_or_many);
         let texts = |key: &str| {
             let texts = items(key).iter().filter_map(Value::as_str);
             texts.map(str::to_owned).collect()
         };
-        let content = if kind == "frames" {
+        let (kind, name) = (text("kind"), text("name").unwrap_or_default().to_owned());
+        let path = |key: &str| format!("{}.{name}.{key}", kind.unwrap_or("sheet"));
+        let content = if kind == Some("frames") {
             SheetContent::Frames {
                 at: items("at").iter().filter_map(Value::as_f64).collect(),
-                density: options
-                    .get("density")
-                    .and_then(Value::as_str)
-                    .map(str::to_owned),
+                density: text("density").map(str::to_owned),
                 complete: options.get("static") == Some(&Value::Bool(true)),
             }
         } else {
@@ -122,7 +114,8 @@ impl SheetSpec {
                 PictureMoment::from_value(at).ok_or_else(|| {
                     let problem = format!("expected a moment of the runs, found `{at}`");
                     SchemaError::new(path("at"), "at", problem).with_help(
-                        "at = \"end\", a render time such as \"10s\", or samples per pixel such as 64",
+                        "use \"end\", a render time such as \"10s\", or samples per pixel such as \
+                         64",
                     )
                 })
             };
@@ -132,52 +125,22 @@ impl SheetSpec {
             }
         };
         let display = options.get("display");
+        let display = display.map(|value| Tonemap::from_value(&path("display"), value));
         Ok(SheetSpec {
-            name: name.to_owned(),
             rows: texts("rows"),
-            display: display
-                .map(|display| Tonemap::from_value(&path("display"), display))
-                .transpose()?,
+            display: display.transpose()?,
             content,
+            name,
+            options,
         })
     }
 
-    /// Returns the canonical form, which [`SheetSpec::from_value`] reads.
-    pub fn to_value(&self) -> Value {
-        let texts = |texts: &[String]| texts.iter().map(|t| t.as_str().into()).collect();
-        let mut fields = vec![
-            ("kind", self.kind().into()),
-            ("name", self.name.as_str().into()),
-            ("rows", Value::List(texts(&self.rows))),
-        ];
-        fields.extend(self.display.map(|display| ("display", display.to_value())));
-        match &self.content {
-            SheetContent::Pictures { cols, at } => {
-                fields.extend([("cols", Value::List(texts(cols))), ("at", at.to_value())])
-            }
-            SheetContent::Frames {
-                at,
-                density,
-                complete,
-            } => {
-                let at = at.iter().map(|at| Value::number(*at)).collect();
-                fields.extend([("at", Value::List(at)), ("static", Value::Bool(*complete))]);
-                fields.extend(density.as_deref().map(|name| ("density", name.into())));
-            }
+    /// Returns the name of the script's method that declares it: `sheet` or `frames`.
+    pub fn kind(&self) -> &'static str {
+        match self.content {
+            SheetContent::Pictures { .. } => "sheet",
+            SheetContent::Frames { .. } => "frames",
         }
-        Value::from_iter(fields)
-    }
-
-    /// Parses the canonical form.
-    ///
-    /// # Errors
-    /// Returns an error if it is none.
-    pub fn from_value(value: &Value) -> Result<SheetSpec, SchemaError> {
-        let invalid = || SchemaError::new("sheets", "sheets", format!("`{value}` is no sheet"));
-        let options = value.as_map().ok_or_else(invalid)?;
-        let text = |key: &str| options.get(key).and_then(Value::as_str);
-        let (kind, name) = text("kind").zip(text("name")).ok_or_else(invalid)?;
-        SheetSpec::new(kind, name, options)
     }
 
     /// Returns the material whose density of delays it shows.
@@ -193,40 +156,23 @@ impl SheetSpec {
 mod tests {
     use super::*;
 
-    fn options(json: serde_json::Value) -> BTreeMap<String, Value> {
-        Value::from_json(&json).as_map().cloned().unwrap()
-    }
-
     #[test]
-    fn the_canonical_form_reads_back() {
-        let display = serde_json::json!({ "kind": "srgb", "exposure": 1.5 });
-        for (kind, json) in [
-            ("sheet", serde_json::json!({ "cols": "a", "at": "90s" })),
-            ("sheet", serde_json::json!({ "rows": ["a", "b"], "at": 64 })),
-            (
-                "sheet",
-                serde_json::json!({ "rows": "a", "display": display }),
-            ),
-            (
-                "frames",
-                serde_json::json!({ "at": [4, 6.5], "density": "hare" }),
-            ),
-            (
-                "frames",
-                serde_json::json!({ "at": 4, "static": true, "rows": "c" }),
-            ),
+    fn a_moment_is_the_end_a_time_or_samples() {
+        let at_of = |at: Value| {
+            let options = [("name".to_owned(), "s".into()), ("at".to_owned(), at)];
+            SheetSpec::new(options.into()).map(|spec| spec.content)
+        };
+        for (value, expected) in [
+            ("end".into(), PictureMoment::End),
+            ("1.5min".into(), PictureMoment::Time(90.0)),
+            (Value::Int(64), PictureMoment::Samples(64)),
         ] {
-            let spec = SheetSpec::new(kind, "s", &options(json)).unwrap();
-            assert_eq!(SheetSpec::from_value(&spec.to_value()), Ok(spec));
+            let (at, cols) = (expected, Vec::new());
+            assert_eq!(at_of(value), Ok(SheetContent::Pictures { cols, at }));
         }
-    }
-
-    #[test]
-    fn other_moments_are_refused() {
-        for at in [serde_json::json!("soon"), 0.into(), 1.5.into(), "0s".into()] {
-            let options = options(serde_json::json!({ "cols": "a", "at": at }));
-            let error = SheetSpec::new("sheet", "s", &options).unwrap_err();
-            assert_eq!((error.path.as_str(), &*error.key), ("sheet.s.at", "at"));
+        for value in ["soon".into(), Value::Int(0), Value::Num(1.5), "0s".into()] {
+            let error = at_of(value).unwrap_err();
+            assert_eq!((&*error.path, &*error.key), ("sheet.s.at", "at"));
         }
     }
 }

@@ -54,7 +54,8 @@ struct Tile {
 enum Content {
     /// Width and height in points, and PNG.
     Picture([f64; 2], Vec<u8>),
-    Gap,
+    /// Reason of the gap.
+    Gap(String),
     Plot(Plot),
 }
 
@@ -141,9 +142,24 @@ impl Grid {
         Ok(())
     }
 
-    /// Adds a gap with the reason for it.
-    pub fn gap(&mut self, cell: [usize; 2], reason: String) {
-        self.add(cell, Content::Gap, reason);
+    /// Adds a picture as [`Grid::picture`] does, or a gap with the reason for it.
+    ///
+    /// # Errors
+    /// Returns an error if the picture cannot be encoded.
+    pub fn found(
+        &mut self,
+        cell: [usize; 2],
+        found: &Result<Image, &str>,
+        display: Tonemap,
+        label: String,
+    ) -> Result<(), OutputError> {
+        match found {
+            Ok(image) => self.picture(cell, image, display, label),
+            Err(reason) => {
+                self.add(cell, Content::Gap((*reason).to_owned()), label);
+                Ok(())
+            }
+        }
     }
 
     /// Adds a plot.
@@ -201,7 +217,7 @@ impl Grid {
         let tallest = |tiles: &mut dyn Iterator<Item = &Tile>| {
             let heights = tiles.filter_map(|tile| match tile.content {
                 Content::Picture([_, height], _) => Some(height),
-                Content::Gap | Content::Plot(_) => None,
+                Content::Gap(_) | Content::Plot(_) => None,
             });
             heights.reduce(f64::max)
         };
@@ -213,14 +229,11 @@ impl Grid {
             let middle = x + self.width / 2.0;
             let label = shorten(&tile.label, SMALL.size, self.width);
             match &tile.content {
-                Content::Gap => {
+                Content::Gap(reason) => {
+                    let reason = shorten(reason, SMALL.size, self.width - 2.0);
+                    let place = (middle, y + height / 2.0 + 2.5);
                     drawing.outline([x, y, self.width, height], GRID, 0.6);
-                    drawing.text(
-                        (middle, y + height / 2.0 + 2.5),
-                        SMALL,
-                        Anchor::Middle,
-                        &label,
-                    );
+                    drawing.text(place, SMALL, Anchor::Middle, &reason);
                 }
                 Content::Plot(plot) => {
                     draw_plot(drawing, [x, y, self.width, height], plot);
@@ -228,11 +241,11 @@ impl Grid {
                 }
                 Content::Picture([width, height], png) => {
                     drawing.image([middle - width / 2.0, y, *width, *height], png);
-                    if !label.is_empty() {
-                        drawing.text((middle, y + height + 7.5), SMALL, Anchor::Middle, &label);
-                        below = LINE;
-                    }
                 }
+            }
+            if !label.is_empty() {
+                drawing.text((middle, y + height + 7.5), SMALL, Anchor::Middle, &label);
+                below = LINE;
             }
         }
         let label = self.rows.get(row).map_or("", String::as_str).lines();
@@ -291,6 +304,6 @@ mod tests {
         assert_eq!(size(40, 30), [96.0, 72.0]);
         assert_eq!(size(3, 300), [1.92, 192.0]);
         let large = grid.fitted(&Image::from_fn(2000, 10, |_, _| [0.5; 3]));
-        assert_eq!((large.width, large.height), (500, 2));
+        assert_eq!((large.width, large.height), (400, 2), "300 pixels per inch");
     }
 }

@@ -260,7 +260,8 @@ pub(super) fn plan_hash(plan: &Plan) -> String {
         ),
     ];
     // Omitted if there are none, so that plans keep the hashes from before sheets existed.
-    let sheets = || Value::List(plan.sheets.iter().map(SheetSpec::to_value).collect());
+    let sheet = |sheet: &SheetSpec| Value::Map(sheet.options.clone());
+    let sheets = || Value::List(plan.sheets.iter().map(sheet).collect());
     let sheets = (!plan.sheets.is_empty()).then(|| ("sheets", sheets()));
     run_id(&Value::from_iter(fields.into_iter().chain(sheets))).0
 }

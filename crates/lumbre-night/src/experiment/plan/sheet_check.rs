@@ -47,6 +47,9 @@ fn check_sheet(plan: &Plan, sheet: &SheetSpec) -> Result<(), SchemaError> {
             (rows, columns, "at", false)
         }
     };
+    if columns == 0 {
+        return Err(error(key, "no moment is given".to_owned()));
+    }
     if columns > MAX_COLUMNS && !wraps {
         let problem = format!("{columns} columns are more than the limit of {MAX_COLUMNS}");
         return Err(error(key, problem));

@@ -62,7 +62,7 @@ pub(crate) fn planned_night(files: &NightReader) -> Night {
     };
     let mut sheets = Vec::new();
     for sheet in &plan.sheets {
-        match SheetSpec::from_value(sheet) {
+        match SheetSpec::new(sheet.clone()) {
             Ok(sheet) => sheets.push(sheet),
             Err(e) => notes.push(format!("a sheet is left out: {e}")),
         }

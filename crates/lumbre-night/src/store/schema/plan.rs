@@ -93,9 +93,10 @@ records! {
         pub warnings: Vec<String>,
         /// Notes about scene files.
         pub notes: Vec<SceneNote>,
-        /// Sheets of pictures and frames in canonical form. Only of scripts that declare any.
+        /// Options of the sheets of pictures and frames, with `kind` and `name`. Only of scripts
+        /// that declare any.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
-        pub sheets: Vec<Value>,
+        pub sheets: Vec<BTreeMap<String, Value>>,
         /// Presentation of the results in reports. Only of scripts that set it.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub report: Option<PresentationRecord>,

@@ -74,7 +74,7 @@ pub fn plan_file(plan: &Plan) -> PlanFile {
                 message: note.message.clone(),
             })
             .collect(),
-        sheets: plan.sheets.iter().map(SheetSpec::to_value).collect(),
+        sheets: plan.sheets.iter().map(|s| s.options.clone()).collect(),
         report: (plan.report != Presentation::default()).then(|| PresentationRecord {
             display: plan.report.display.map_or(Value::Nil, |d| d.to_value()),
             names: plan.report.names.clone(),

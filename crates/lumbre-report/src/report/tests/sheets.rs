@@ -11,8 +11,9 @@ use lumbre_night::experiment::spec::SheetSpec;
 /// Returns a night with a sheet or frames of these options.
 fn with_sheet(kind: &str, options: serde_json::Value) -> Night {
     let mut night = night("Sample GPU", 1.0);
-    let options = Value::from_json(&options);
-    let spec = SheetSpec::new(kind, "mine", options.as_map().unwrap()).unwrap();
+    let mut options = Value::from_json(&options).as_map().unwrap().clone();
+    options.extend([("kind", kind), ("name", "mine")].map(|(k, v)| (k.to_owned(), v.into())));
+    let spec = SheetSpec::new(options).unwrap();
     let plan = Arc::make_mut(&mut night.plan);
     plan.sheets = vec![spec];
     plan.is_repeated = true;
@@ -54,8 +55,8 @@ fn pictures_form_rows_and_columns_and_the_caption_states_the_rest() {
     }
     assert_eq!(
         item.caption,
-        "Stored pictures nearest to 60 samples per pixel. 64 samples per pixel. Rows: scene. \
-         Columns: technique. Of the repeats, the first. Tone map: srgb (exposure 0)."
+        "Stored pictures nearest to 60 samples per pixel. 64 samples per pixel. Tone map: srgb \
+         (exposure 0). Rows: scene. Columns: technique. Of the repeats, the first."
     );
     assert!(
         svg.contains(">Stored pictures nearest to"),
@@ -70,7 +71,7 @@ fn pictures_form_rows_and_columns_and_the_caption_states_the_rest() {
         caption.contains("technique = bpt, the first of 2 values."),
         "{caption}"
     );
-    assert!(caption.contains("2 runs ended before; their last pictures are shown."));
+    assert!(caption.contains("Runs that ended before, with their last picture: 2."));
 }
 
 #[test]
@@ -135,10 +136,7 @@ fn frames_follow_the_density_and_the_picture_without_time() {
     }
     let caption = &item.caption;
     assert!(caption.contains("1 scene unit is 3.336 ns."), "{caption}");
-    assert!(
-        caption.contains("Greatest density: 2.00 per scene unit."),
-        "{caption}"
-    );
+    assert!(caption.contains("up to 2.00 per scene unit"), "{caption}");
     assert!(
         caption.contains("scene = box, the first of 2 values."),
         "{caption}"
