@@ -11,8 +11,9 @@
 --   opacity    has an index of refraction close to 1, as in the thesis, so that the ball fades
 --              instead of becoming glass.
 --
--- Results in out/latest, without tables and figures:
---     runs/**/final.png   a picture for each parameter and value
+-- Results in out/latest:
+--     sheets/materials.svg, .png, .pdf   all pictures, parameters in rows and values in columns
+--     runs/**/final.png                  a picture for each parameter and value
 
 local x = experiment("material_sweep", { seed = 4 })
 
@@ -57,5 +58,7 @@ end)
 
 -- The noise at 64 samples is small enough to see the effect of every parameter.
 x:stop(stop.samples(64))
+
+x:sheet("materials", { rows = "parameter", cols = "amount" })
 
 return x

@@ -11,6 +11,7 @@
 -- what it shows at t without a delay. The pictures without time are identical.
 --
 -- Results in out/latest; `size=256 samples=1024` makes large ones:
+--     sheets/delays.svg, .png, .pdf   density, picture without time, and frames of each delay
 --     runs/**/films/time-cube.npy   mean radiance of every bin
 --     runs/**/films/time-*          frames, animations, streaks, curves and a map of arrival times
 --     runs/**/final.png             the picture without time
@@ -36,5 +37,12 @@ end)
 
 x:measure { every = "5s", display = tonemap.srgb { exposure = 0 } }
 x:stop(function(p) return stop.samples(p.samples) end)
+
+x:frames("delays", {
+  rows = "c",
+  at = { 4.5, 5.5, 6.5, 7.5, 8.5 },
+  density = "hare",
+  static = true,
+})
 
 return x

@@ -11,6 +11,7 @@
 -- 3 / (4 sigma) (1 - ((x - mu) / sigma)^2). The thesis omits the factor 1 / sigma.
 --
 -- Results in out/latest:
+--     sheets/delays.*         density, picture without time, and frames of each profile
 --     runs/**/films/time-*    frames, animation, streaks and curves over optical length
 --     runs/**/final.png       the picture without time
 
@@ -39,5 +40,12 @@ end)
 
 x:measure { every = "5s", display = tonemap.srgb { exposure = 0 } }
 x:stop(function(p) return stop.samples(p.samples) end)
+
+x:frames("delays", {
+  rows = { "mu", "sigma" },
+  at = { 4.5, 5.5, 6.5, 7.5, 8.5 },
+  density = "hare",
+  static = true,
+})
 
 return x

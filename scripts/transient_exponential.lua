@@ -10,6 +10,7 @@
 -- with a low rate it spreads over a longer time.
 --
 -- Results in out/latest:
+--     sheets/delays.*         density, picture without time, and frames of each profile
 --     runs/**/films/time-*    frames, animation, streaks and curves over optical length
 --     runs/**/final.png       the picture without time
 
@@ -36,5 +37,12 @@ end)
 
 x:measure { every = "5s", display = tonemap.srgb { exposure = 0 } }
 x:stop(function(p) return stop.samples(p.samples) end)
+
+x:frames("delays", {
+  rows = "rate",
+  at = { 4.5, 5.5, 6.5, 7.5, 8.5 },
+  density = "hare",
+  static = true,
+})
 
 return x

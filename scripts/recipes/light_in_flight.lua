@@ -22,4 +22,6 @@ end)
 x:measure { every = "5s", display = tonemap.srgb { exposure = 0 } }
 x:stop(function(p) return stop.samples(p.samples) end)
 
+x:frames("delays", { at = { 4.5, 5.5, 6.5, 7.5 }, density = "hare", static = true })
+
 return x

@@ -26,5 +26,6 @@ x:stop(function(p) return stop.samples(p.samples) end)
 
 x:figure("noise", { x = "roughness", y = "relmse" })
 x:table("relmse", { value = "relmse", rows = "roughness" })
+x:sheet("pictures", { cols = "roughness" })
 
 return x

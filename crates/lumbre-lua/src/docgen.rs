@@ -26,6 +26,8 @@ const TABLES: &[&Table] = &[
     &stop::PLATEAU,
     &report::FIGURE,
     &report::TABLE,
+    &report::SHEET,
+    &report::FRAMES,
     &presentation::PRESENTATION,
     &scene::PLACE,
     &scene::PART,

@@ -236,6 +236,7 @@ fn finish(
         aa_check: builder.aa_check.is_some(),
         figures: builder.figures.iter().map(|(f, _)| f.clone()).collect(),
         tables: builder.tables.iter().map(|(t, _)| t.clone()).collect(),
+        sheets: builder.sheets.iter().map(|(s, _)| s.clone()).collect(),
         report: {
             let report = builder.report.as_ref().map(|(report, _)| report.clone());
             let report = report.unwrap_or_default();

@@ -13,6 +13,12 @@ impl Script {
     pub fn locate_plan_error(&self, error: &PlanError) -> Option<ScriptError> {
         let key = match error {
             PlanError::Set { error, .. } => return self.locate_change(error),
+            PlanError::Sheet { name, error } => {
+                let builder = self.shared.builder.borrow();
+                let (_, place) = builder.sheets.iter().find(|(s, _)| s.name == *name)?;
+                let sources = self.shared.sources.borrow();
+                return Some(sources.locate_error(place, (**error).clone()));
+            }
             PlanError::Stop { rule, .. } => {
                 let place = if rule.contains("reference") {
                     self.reference_place()?

@@ -66,6 +66,7 @@ pub fn plan(axes: &[AxisValues], repeats: u32) -> Plan {
         night: Default::default(),
         figures: Vec::new(),
         tables: Vec::new(),
+        sheets: Vec::new(),
         report: Default::default(),
         script_text: String::new(),
         files: Default::default(),

@@ -82,6 +82,7 @@ pub(in crate::cli) fn build(
     }
     let context = ReportContext {
         pictures: &|path| read_picture(path, evidence),
+        bytes: &|path| evidence.read(path),
         problems: &|| evidence.problems(),
         link: &link,
         command: &command,

@@ -185,29 +185,5 @@ fn read_movie(folder: &Path, config: &ConfigFile) -> Result<Movie, String> {
     })?;
     let path = folder.join(FILMS).join(CUBE_FILE);
     let bytes = std::fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))?;
-    let (shape, numbers) =
-        time::read_array(&bytes).map_err(|e| format!("{}: {e}", path.display()))?;
-    let [height, width, bins, 3] = shape[..] else {
-        return Err(format!(
-            "{}: expected an array of height x width x bins x 3, found shape {shape:?}",
-            path.display()
-        ));
-    };
-    if bins != timing.axis.bins as usize || width == 0 || height == 0 {
-        return Err(format!(
-            "{}: the file has {width} x {height} pixels and {bins} time bins, but the run has {} \
-             time bins",
-            path.display(),
-            timing.axis.bins
-        ));
-    }
-    let (mean, _) = numbers.as_chunks::<3>();
-    let (width, height) = (width as u32, height as u32);
-    Ok(Movie {
-        width,
-        height,
-        axis: timing.axis,
-        seconds: timing.seconds(),
-        mean: mean.to_vec(),
-    })
+    Movie::from_array(&bytes, timing).map_err(|e| format!("{}: {e}", path.display()))
 }

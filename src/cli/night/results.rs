@@ -4,13 +4,16 @@ use std::collections::BTreeSet;
 
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path};
+use crate::cli::inspect::report::read_picture;
 use lumbre_night::experiment::aa_check;
 use lumbre_night::experiment::night::state_counts::StateCounts;
 use lumbre_night::experiment::plan::ReferenceSource;
 use lumbre_night::experiment::spec::{FigureSpec, TableFormat};
 use lumbre_night::experiment::{CellRef, Night, NightSummary, Outcome, Plan};
-use lumbre_night::store::Store;
-use lumbre_report::report::{self, ReportOptions, Study, requested};
+use lumbre_night::store::read::night::read_night;
+use lumbre_night::store::{Evidence, Store};
+use lumbre_report::report::requested::{self, RunFiles};
+use lumbre_report::report::{self, ReportOptions, Study};
 use lumbre_report::{plot, summary};
 
 /// Prints the backends of a plan with their devices, and why `auto` selects one of them.
@@ -41,7 +44,7 @@ pub(super) fn print_backends(plan: &Plan) {
     }
 }
 
-/// Writes `summary.csv`, tables, figures and the CSV files of repeats and of the A/A check. The
+/// Writes `summary.csv`, tables, figures, sheets and the CSV files of repeats and of the A/A check. The
 /// night may be complete or partial.
 pub(in crate::cli) fn write_results(
     store: &Store,
@@ -74,6 +77,7 @@ pub(in crate::cli) fn write_results(
             write(&format!("figures/{stem}.png"), &png)?;
         }
     }
+    write_sheets(store, plan)?;
     let repeats = summary::repeats_csv(results);
     if !repeats.is_empty() {
         write("repeats.csv", repeats.as_bytes())?;
@@ -82,6 +86,31 @@ pub(in crate::cli) fn write_results(
     if !findings.is_empty() {
         write("aa-check.csv", summary::aa_check_csv(&findings).as_bytes())?;
     }
+    Ok(())
+}
+
+/// Writes the sheets of pictures and frames, which are drawn from the files of finished runs. Prints
+/// what cannot be read.
+fn write_sheets(store: &Store, plan: &Plan) -> Result<(), Failure> {
+    if plan.sheets.is_empty() {
+        return Ok(());
+    }
+    let evidence = Evidence::default();
+    let night = read_night(store.folder(), &evidence).map_err(Failure::internal)?;
+    let files = RunFiles {
+        pictures: &|path| read_picture(path, &evidence),
+        bytes: &|path| evidence.read(path),
+    };
+    let mut notes = Vec::new();
+    let sheets = requested::sheets(&[night], files, true, &mut notes);
+    for item in sheets.map_err(Failure::internal)? {
+        for (name, bytes) in item.files().map_err(Failure::internal)? {
+            store.write(&name, &bytes).map_err(Failure::internal)?;
+        }
+    }
+    notes
+        .iter()
+        .for_each(|note| print_status(&format!("note: {note}")));
     Ok(())
 }
 
@@ -186,6 +215,12 @@ pub(super) fn print_locations(store: &Store, plan: &Plan, night: &Night) {
         print_status(&format!(
             "curves     {}",
             display_path(&folder.join("figures"))
+        ));
+    }
+    if !plan.sheets.is_empty() {
+        print_status(&format!(
+            "sheets     {}",
+            display_path(&folder.join("sheets"))
         ));
     }
     if !plan.tables.is_empty() {

@@ -156,6 +156,7 @@ fn experiment() -> ExperimentSpec {
         aa_check: false,
         figures: Vec::new(),
         tables: Vec::new(),
+        sheets: Vec::new(),
         report: Default::default(),
     }
 }

@@ -165,6 +165,7 @@ fn spec() -> ExperimentSpec {
         aa_check: false,
         figures: Vec::new(),
         tables: Vec::new(),
+        sheets: Vec::new(),
         report: Default::default(),
     }
 }

@@ -10,8 +10,8 @@ use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
 use lumbre_night::experiment::plan::{Overrides, ReferenceSource};
 use lumbre_night::experiment::spec::{
-    FigureKind, FigureSpec, FigureX, ReferenceRequest, RunColumn, Snapshots, TableFormat,
-    TableSpec, TableValue,
+    FigureKind, FigureSpec, FigureX, ReferenceRequest, RunColumn, SheetSpec, Snapshots,
+    TableFormat, TableSpec, TableValue,
 };
 use lumbre_night::experiment::{Plan, StopRule, stop::Comparison};
 use lumbre_render::Settings;
@@ -40,6 +40,12 @@ fn figure() -> FigureSpec {
         facet: vec![],
         only: vec![],
     }
+}
+
+fn sheet(rows: &[&str]) -> SheetSpec {
+    let rows = rows.iter().map(|axis| Value::from(*axis)).collect();
+    let options = [("rows".to_owned(), Value::List(rows))];
+    SheetSpec::new(options.into()).unwrap()
 }
 
 fn over(y: Vec<TableValue>, axis: &str) -> FigureSpec {
@@ -270,6 +276,7 @@ fn names_file_locations_and_display_settings_do_not_change_the_id() {
         ("figures", |p| {
             p.lab.spec.figures.push(figure());
         }),
+        ("sheets", |p| p.lab.spec.sheets.push(sheet(&["tag"]))),
     ];
     let unchanged = ids(|_| {});
     for (name, change) in changes {
@@ -373,7 +380,7 @@ fn a_cell_without_a_reference_does_not_depend_on_metrics() {
 }
 
 #[test]
-fn the_hash_of_a_plan_depends_on_its_name_cells_figures_and_tables() {
+fn the_hash_of_a_plan_depends_on_its_name_cells_figures_tables_and_sheets() {
     let lab = || {
         let mut lab = Lab::new().axis("depth", ints([3, 5]));
         lab.render = Box::new(|p| {
@@ -421,6 +428,8 @@ fn the_hash_of_a_plan_depends_on_its_name_cells_figures_and_tables() {
             let only = vec![("depth".to_owned(), vec![Value::Int(3)])];
             lab.spec.figures = vec![FigureSpec { only, ..figure() }];
         },
+        |lab, _| lab.spec.sheets = vec![sheet(&[])],
+        |lab, _| lab.spec.sheets = vec![sheet(&["depth"])],
     ];
     let hashes: std::collections::BTreeSet<String> = changes
         .iter()

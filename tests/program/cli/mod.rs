@@ -32,6 +32,7 @@ mod references;
 mod render;
 mod report;
 mod reproduce;
+mod sheets;
 mod signals;
 mod studies;
 mod survive;

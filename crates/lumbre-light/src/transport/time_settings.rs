@@ -6,7 +6,6 @@ use serde::{Deserialize, Serialize};
 
 use super::delay::Profile;
 use crate::film::time::{TimeAxis, TimeFilter};
-use crate::math::piecewise::Piecewise;
 use crate::scene::desc::{DelayDesc, DelayKind, MaterialDesc, delay};
 use crate::value::Value;
 use crate::value::schema::{Field, SchemaError, Table, Ty};
@@ -258,13 +257,7 @@ fn emission(map: &BTreeMap<String, Value>, path: &str) -> Result<Profile, Schema
         key: e.key.trim_start_matches("delay_").to_owned(),
         ..e
     })?;
-    let mut params = [0.0; 2];
-    for (param, (_, get, _)) in params.iter_mut().zip(material.delay.params()) {
-        *param = get(&material.delay)[0];
-    }
-    Ok(Profile::from_parts(kind, params, || {
-        Some(Piecewise::new(&material.delay.pairs()))
-    }))
+    Ok(Profile::of(&material.delay))
 }
 
 fn profile_value(profile: &Profile) -> Value {

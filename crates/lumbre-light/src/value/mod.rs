@@ -80,6 +80,11 @@ impl Value {
         }
     }
 
+    /// Returns the items of a list, or any other value as the only item.
+    pub fn one_or_many(&self) -> &[Value] {
+        self.as_list().unwrap_or(std::slice::from_ref(self))
+    }
+
     /// Returns the value as a map if it is one.
     pub fn as_map(&self) -> Option<&BTreeMap<String, Value>> {
         match self {

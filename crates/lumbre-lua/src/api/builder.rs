@@ -10,7 +10,7 @@ use lumbre_light::value::Value;
 use lumbre_metrics::tonemap::Tonemap;
 use lumbre_night::experiment::StopRule;
 use lumbre_night::experiment::spec::{
-    Axis, FigureSpec, MeasureSpec, NightSpec, Presentation, TableSpec,
+    Axis, FigureSpec, MeasureSpec, NightSpec, Presentation, SheetSpec, TableSpec,
 };
 
 /// Declarations of an experiment, collected while its script runs.
@@ -43,6 +43,8 @@ pub struct Builder {
     pub figures: Vec<(FigureSpec, SourcePlace)>,
     /// Tables from `x:table(..)`, in order.
     pub tables: Vec<(TableSpec, SourcePlace)>,
+    /// Sheets from `x:sheet(..)` and `x:frames(..)`, in order.
+    pub sheets: Vec<(SheetSpec, SourcePlace)>,
     /// Presentation from `x:report(..)`.
     pub report: Option<(Presentation, SourcePlace)>,
     /// Notes from `x:note(..)`, in order.

@@ -1,4 +1,4 @@
-//! `x:figure` and `x:table`: figures and tables of the results.
+//! `x:figure`, `x:table`, `x:sheet` and `x:frames`: figures, tables and sheets of the results.
 
 use mlua::{UserData, UserDataFields, Value as LuaValue};
 
@@ -8,12 +8,12 @@ use crate::kind::{KIND, kind};
 use crate::source::SourcePlace;
 use crate::strict;
 use lumbre_light::value::Value;
-use lumbre_light::value::schema::{SchemaError, Ty};
+use lumbre_light::value::schema::{SchemaError, Table, Ty};
 use lumbre_night::experiment::spec::{
-    FigureKind, FigureSpec, FigureX, RunColumn, TableFormat, TableSpec, TableValue,
+    FigureKind, FigureSpec, FigureX, RunColumn, SheetSpec, TableFormat, TableSpec, TableValue,
 };
 
-/// Largest number of figures, and of tables, of one experiment.
+/// Largest number of figures, of tables, and of sheets of one experiment.
 const MAX_REPORTS: usize = 64;
 
 lumbre_light::table! {
@@ -42,6 +42,43 @@ lumbre_light::table! {
         "file formats: `md` is Markdown, `csv` is comma-separated values";
 }
 
+lumbre_light::table! {
+    /// Options of `x:sheet`.
+    pub const SHEET = "Sheet",
+        "Sheet of the pictures of runs side by side: at most 400 pictures in at most 24 columns. Of \
+         all other axes it shows the first value, and of repeats the first; its caption states \
+         them. A run without a picture leaves a gap, which states why.";
+    rows = "pictures fill rows of up to six": Ty::OneOrMany(&Ty::Str),
+        "axes whose values are the rows";
+    cols = "a single column": Ty::OneOrMany(&Ty::Str), "axes whose values are the columns";
+    at = "\"end\"": Ty::Any("string|integer"),
+        "picture of each run: `\"end\"`, or the kept one nearest to a render time such as \
+         `\"10s\"` or to samples per pixel such as `64`, which needs keep = { exr = \"pow2\" } in \
+         x:measure";
+    display = "that of x:report, or else of x:measure": Ty::Any("Tonemap"),
+        "tone map of all pictures";
+}
+
+lumbre_light::table! {
+    /// Options of `x:frames`.
+    pub const FRAMES = "Frames",
+        "Sheet of the frames of runs with a time axis: a row for each run, a column for each \
+         moment, and one exposure. Its limits, and what it shows of other axes and of repeats, are \
+         those of x:sheet.";
+    at: Ty::OneOrMany(&Ty::num(-1e9, 1e9)),
+        "moments as optical lengths in scene units; a frame is the time bin that contains the \
+         moment";
+    rows = "one row for each point of the sweep": Ty::OneOrMany(&Ty::Str),
+        "axes whose values are the rows";
+    density = "no densities": Ty::Str,
+        "name of a material; each row begins with the density of its delay, and an arrow for light \
+         that is delayed by a constant. All rows have the same scales";
+    static = "false": Ty::Bool,
+        "whether the picture without time precedes the frames, with the tone map of x:report, or \
+         else of x:measure";
+    display = "sRGB with one exposure for all frames": Ty::Any("Tonemap"), "tone map of the frames";
+}
+
 functions! {
     /// Constructor of a table's value.
     pub const GLOBALS;
@@ -55,7 +92,7 @@ functions! {
 }
 
 functions! {
-    /// Methods that declare figures and tables.
+    /// Methods that declare figures, tables and sheets.
     pub const METHODS;
     "x:table" = table, "Adds a table of the results, which is written when the night ends." {
         "name": "string",
@@ -68,6 +105,20 @@ functions! {
         "name": "string",
             "Name of its files, without extension: at most 60 letters, digits, `_`, `-` and `.`.";
         "options": "Figure", "Axes and columns to draw.";
+    }
+    "x:sheet" = sheet,
+        "Adds a sheet of pictures side by side, such as materials in rows and their parameters in \
+         columns. It is drawn when the night ends, and in reports; it needs no reference." {
+        "name": "string",
+            "Name of its files, without extension: at most 60 letters, digits, `_`, `-` and `.`.";
+        "options": "Sheet", "Axes of its rows and columns.";
+    }
+    "x:frames" = frames,
+        "Adds a sheet of moments of runs with a time axis. It is drawn when the night ends, and in \
+         reports." {
+        "name": "string",
+            "Name of its files, without extension: at most 60 letters, digits, `_`, `-` and `.`.";
+        "options": "Frames", "Moments, and the columns before them.";
     }
 }
 
@@ -89,7 +140,7 @@ fn time_to(args: &Args) -> Result<LuaValue, ScriptError> {
     args.object(TimeToObject { column, threshold })
 }
 
-/// Returns the name of a figure or table, which becomes a file name.
+/// Returns the name of a figure, table or sheet, which becomes a file name.
 fn file_name(args: &Args) -> Result<String, ScriptError> {
     let name = args.text(0, "name")?;
     let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
@@ -101,7 +152,7 @@ fn file_name(args: &Args) -> Result<String, ScriptError> {
     Ok(name)
 }
 
-/// Rejects a second figure or table of the same name, and more than [`MAX_REPORTS`].
+/// Rejects a second figure, table or sheet of the same name, and more than [`MAX_REPORTS`].
 fn check_name_is_new<T>(
     args: &Args,
     name: &str,
@@ -126,15 +177,8 @@ fn check_name_is_new<T>(
 
 /// Returns the names in a field that is one name or a list of names.
 fn names(value: Option<&Value>) -> Vec<String> {
-    match value {
-        Some(Value::Str(s)) => vec![s.clone()],
-        Some(Value::List(items)) => items
-            .iter()
-            .filter_map(Value::as_str)
-            .map(str::to_owned)
-            .collect(),
-        _ => Vec::new(),
-    }
+    let items = value.map_or(&[][..], Value::one_or_many).iter();
+    items.filter_map(Value::as_str).map(str::to_owned).collect()
 }
 
 fn figure(args: &Args) -> Result<LuaValue, ScriptError> {
@@ -207,15 +251,11 @@ fn only_values(
     value: Option<&Value>,
     path: &str,
 ) -> Result<Vec<(String, Vec<Value>)>, SchemaError> {
-    let values = |value: &Value| match value {
-        Value::List(values) => values.clone(),
-        one => vec![one.clone()],
-    };
     match value {
         None => Ok(Vec::new()),
         Some(Value::Map(axes)) => Ok(axes
             .iter()
-            .map(|(axis, kept)| (axis.clone(), values(kept)))
+            .map(|(axis, kept)| (axis.clone(), kept.one_or_many().to_vec()))
             .collect()),
         Some(_) => Err(SchemaError::new(
             format!("{path}.only"),
@@ -263,6 +303,32 @@ fn table(args: &Args) -> Result<LuaValue, ScriptError> {
     let mut builder = args.shared.builder.borrow_mut();
     check_name_is_new(args, &name, &builder.tables, |t| &t.name)?;
     builder.tables.push((spec, args.place.clone()));
+    Ok(LuaValue::Nil)
+}
+
+fn sheet(args: &Args) -> Result<LuaValue, ScriptError> {
+    declare_sheet(args, "sheet", &SHEET)
+}
+
+fn frames(args: &Args) -> Result<LuaValue, ScriptError> {
+    declare_sheet(args, "frames", &FRAMES)
+}
+
+/// Adds the sheet that a call of the method `kind` declares, with options of a schema.
+fn declare_sheet(args: &Args, kind: &str, schema: &Table) -> Result<LuaValue, ScriptError> {
+    let name = file_name(args)?;
+    let options = args.table(1, "options")?;
+    let fields = strict::fields(&options, schema, &format!("{kind}.{name}"), false);
+    let spec = fields.and_then(|mut fields| {
+        let declared = [("kind", kind), ("name", &name)];
+        let declared = declared.map(|(key, text)| (key.to_owned(), text.into()));
+        fields.values.extend(declared);
+        SheetSpec::new(fields.values)
+    });
+    let spec = spec.map_err(|e| args.locate_error(e))?;
+    let mut builder = args.shared.builder.borrow_mut();
+    check_name_is_new(args, &name, &builder.sheets, |s| &s.name)?;
+    builder.sheets.push((spec, args.place.clone()));
     Ok(LuaValue::Nil)
 }
 

@@ -1,4 +1,4 @@
-//! Checks of the axes and columns that figures and tables name.
+//! Checks of the axes and columns that figures, tables and sheets name.
 
 use super::axis::known_axis;
 use super::builder::Builder;
@@ -9,14 +9,14 @@ use lumbre_light::value::Value;
 use lumbre_light::value::schema::SchemaError;
 use lumbre_light::value::suggest;
 use lumbre_night::experiment::spec::{
-    Axis, FigureKind, FigureSpec, RunColumn, TableSpec, TableValue,
+    Axis, FigureKind, FigureSpec, RunColumn, SheetContent, SheetSpec, TableSpec, TableValue,
 };
 
-/// Checks every axis and column that figures and tables name, after the script has ended.
+/// Checks every axis and column that figures, tables and sheets name, after the script has ended.
 ///
 /// # Errors
-/// Returns an error at the line of the figure or table for an undeclared name, or for an axis that
-/// is used twice.
+/// Returns an error at the line of the figure, table or sheet for an undeclared name, or for an axis
+/// that is used twice.
 pub fn check(builder: &Builder, shared: &Shared) -> Result<(), ScriptError> {
     let axes = builder.axis_names();
     let columns = builder.columns();
@@ -33,6 +33,9 @@ pub fn check(builder: &Builder, shared: &Shared) -> Result<(), ScriptError> {
     }
     for (table, place) in &builder.tables {
         check_table(table, &names).map_err(|e| locate(place, e))?;
+    }
+    for (sheet, place) in &builder.sheets {
+        check_sheet(sheet, &axes).map_err(|e| locate(place, e))?;
     }
     Ok(())
 }
@@ -91,18 +94,35 @@ fn check_figure(figure: &FigureSpec, names: &Names) -> Result<(), SchemaError> {
 
 /// Checks the names in a table.
 fn check_table(table: &TableSpec, names: &Names) -> Result<(), SchemaError> {
-    let at = |key: &str| format!("table.{}.{key}", table.name);
-    check_table_value(names, &table.value, &at("value"), "value")?;
-    table
-        .rows
-        .iter()
-        .try_for_each(|name| check_axis(name, names.axes, &at("rows"), "rows"))?;
-    table
-        .cols
-        .iter()
-        .try_for_each(|name| check_axis(name, names.axes, &at("cols"), "cols"))?;
-    let all: Vec<&String> = table.rows.iter().chain(&table.cols).collect();
-    check_distinct(&all, &at("rows"), "rows")
+    let path = format!("table.{}", table.name);
+    check_table_value(names, &table.value, &format!("{path}.value"), "value")?;
+    check_rows_and_cols(&path, names.axes, &table.rows, &table.cols)
+}
+
+/// Checks the names in a sheet.
+fn check_sheet(sheet: &SheetSpec, axes: &[&str]) -> Result<(), SchemaError> {
+    let cols = match &sheet.content {
+        SheetContent::Pictures { cols, .. } => cols.as_slice(),
+        SheetContent::Frames { .. } => &[],
+    };
+    let path = format!("{}.{}", sheet.kind(), sheet.name);
+    check_rows_and_cols(&path, axes, &sheet.rows, cols)
+}
+
+/// Checks that rows and columns name axes, each once.
+fn check_rows_and_cols(
+    path: &str,
+    axes: &[&str],
+    rows: &[String],
+    cols: &[String],
+) -> Result<(), SchemaError> {
+    for (key, names) in [("rows", rows), ("cols", cols)] {
+        names
+            .iter()
+            .try_for_each(|name| check_axis(name, axes, &format!("{path}.{key}"), key))?;
+    }
+    let all: Vec<&String> = rows.iter().chain(cols).collect();
+    check_distinct(&all, &format!("{path}.rows"), "rows")
 }
 
 /// Checks the value of a table, or of a figure over an axis.

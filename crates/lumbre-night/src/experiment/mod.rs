@@ -22,6 +22,7 @@ pub mod processor_time;
 pub mod run;
 pub mod run_progress;
 pub mod shards;
+pub mod sheet;
 pub mod spec;
 pub mod stop;
 pub mod table_value;

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 pub use super::figure_x::FigureX;
 use super::hook_error::HookError;
 use super::outcome::WaveRow;
+pub use super::sheet::{PictureMoment, SheetContent, SheetSpec};
 use super::stop::StopRule;
 pub use super::table_value::{RunColumn, TableValue};
 use lumbre_light::value::Value;
@@ -50,6 +51,8 @@ pub struct ExperimentSpec {
     pub figures: Vec<FigureSpec>,
     /// Tables to write.
     pub tables: Vec<TableSpec>,
+    /// Sheets of pictures and frames to draw.
+    pub sheets: Vec<SheetSpec>,
     /// Presentation of the results in figures, tables and reports.
     pub report: Presentation,
 }

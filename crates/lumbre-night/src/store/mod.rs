@@ -5,6 +5,7 @@
 //! ```text
 //! out/night-3f9a/    name and first digits of the plan's hash; out/latest points at the newest
 //!   experiment.lua plan.json snapshot.json env.json journal.jsonl lock summary.csv figures/ tables/
+//!   sheets/
 //!   affinity/ planners/          device of each comparison group; heartbeats of planners
 //!   workers/ finished/           workers' heartbeats and journals; completion markers
 //!   runs/<readable path>/<run id>/   config.json metrics.csv log.txt snap-<spp>.{exr,png}

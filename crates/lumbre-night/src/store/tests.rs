@@ -109,6 +109,7 @@ pub(super) fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
         night: Default::default(),
         figures: vec![],
         tables: vec![],
+        sheets: vec![],
         report: Default::default(),
         script_text: "-- a script\n".into(),
         files: Default::default(),

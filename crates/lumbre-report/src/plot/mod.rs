@@ -4,6 +4,7 @@
 pub(super) mod axis;
 pub(super) mod draw;
 pub(super) mod figure;
+pub(super) mod grid;
 pub(super) mod raster;
 pub(super) mod sheet;
 pub(super) mod sizes;

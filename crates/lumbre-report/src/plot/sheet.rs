@@ -6,27 +6,17 @@
 //! paths contribute less light, so rows are brightened by a power of two that their label states.
 //! The weighted and the raw sheet use the same factors and can be compared.
 
+use super::grid::Grid;
 use super::raster;
-use super::style::{FAINT, INK};
-use super::svg::{Anchor, Drawing, Font, wrap};
-use crate::plot::sizes::{FULL, SCREEN};
 use crate::{OutputError, check_shape, exposure, png};
 use lumbre_light::film::Image;
 use lumbre_light::film::layer::{LayerImage, PathSubset};
 use lumbre_metrics::tonemap::Tonemap;
 
-/// Space between pictures, in points.
-const GAP: f64 = 3.0;
 /// Maximum width of a picture, in points.
 const WIDEST: f64 = 96.0;
-/// Space left of the pictures of a sheet with several rows, in points.
-const LEFT: f64 = 34.0;
 /// Maximum brightening of a row, in stops (powers of two).
 const MOST_STOPS: f64 = 10.0;
-
-const HEADING: Font = Font::strong(8.5);
-const LABEL: Font = Font::new(7.6, INK);
-const SMALL: Font = Font::new(7.0, FAINT);
 
 /// A sheet of films.
 pub struct Sheet {
@@ -43,7 +33,7 @@ pub struct Sheet {
 struct Tile {
     image: Image,
     /// Column and row.
-    cell: [u32; 2],
+    cell: [usize; 2],
     /// Number of edges of its paths; `None` for the complete picture.
     length: Option<u32>,
     label: String,
@@ -130,24 +120,17 @@ impl Sheets {
         let tiles = &sheet.tiles;
         let count = |axis: usize| tiles.iter().map(|tile| tile.cell[axis] + 1).max();
         let [columns, rows] = [0, 1].map(|axis| count(axis).unwrap_or(1));
-        let left = if rows > 1 { LEFT } else { 0.0 };
-        let columns = f64::from(columns);
-        let width = ((FULL - left - GAP * (columns - 1.0)) / columns).min(WIDEST);
-        let image = &tiles[0].image;
-        let height = width * f64::from(image.height) / f64::from(image.width);
-        let step = height + 9.5 + GAP;
-        let whole_width = left + columns * width + (columns - 1.0) * GAP;
-        let mut drawing = Drawing::default();
-        let mut top = 0.0;
-        for line in wrap(heading, HEADING.size, whole_width) {
-            if !line.is_empty() {
-                drawing.text((0.0, top + 8.0), HEADING, Anchor::Start, &line);
-                top += HEADING.size + 3.0;
-            }
-        }
+        let row_label = |row: usize| {
+            let own = tiles.iter().filter(|tile| tile.cell[1] == row);
+            let length = own.filter_map(|tile| tile.length).next()?;
+            let gain = self.gain(length);
+            let gain = (gain > 1.0).then(|| format!("\n×{gain}"));
+            Some(format!("k = {length}{}", gain.unwrap_or_default()))
+        };
+        let row_labels = (0..rows).filter(|_| rows > 1);
+        let row_labels = row_labels.map(|row| row_label(row).unwrap_or_default());
+        let mut grid = Grid::new(columns, row_labels.collect(), WIDEST);
         for tile in tiles {
-            let x = left + f64::from(tile.cell[0]) * (width + GAP);
-            let y = top + f64::from(tile.cell[1]) * step;
             let gain = tile.length.map_or(1.0, |length| self.gain(length));
             let brightened = Image {
                 data: tile
@@ -158,37 +141,14 @@ impl Sheets {
                     .collect(),
                 ..tile.image
             };
-            let encoded = png::encode(&brightened, self.display, &[])?;
-            drawing.image([x, y, width, height], &encoded);
             let label = match rows {
                 1 if gain > 1.0 => format!("{}, ×{gain}", tile.label),
                 _ => tile.label.clone(),
             };
-            let place = (x + width / 2.0, y + height + 7.5);
-            drawing.text(place, SMALL, Anchor::Middle, &label);
+            grid.picture(tile.cell, &brightened, self.display, label)?;
         }
-        for row in (0..rows).filter(|_| rows > 1) {
-            let own = tiles.iter().filter(|tile| tile.cell[1] == row);
-            if let Some(length) = own.filter_map(|tile| tile.length).next() {
-                let y = top + f64::from(row) * step + height / 2.0;
-                self.draw_row_label(&mut drawing, y, length);
-            }
-        }
-        let mut bottom = top + f64::from(rows) * step - GAP + 1.0;
-        for line in wrap(&sheet.notes, SMALL.size, whole_width) {
-            bottom += SMALL.size + 2.0;
-            drawing.text((0.0, bottom), SMALL, Anchor::Start, &line);
-        }
-        Ok(drawing.finish_scaled(whole_width, bottom + 2.0, SCREEN, title, description))
-    }
-
-    /// Writes the path length of a row and its brightening factor.
-    fn draw_row_label(&self, drawing: &mut Drawing, y: f64, length: u32) {
-        drawing.text((0.0, y), LABEL, Anchor::Start, &format!("k = {length}"));
-        let gain = self.gain(length);
-        if gain > 1.0 {
-            drawing.text((0.0, y + 9.0), SMALL, Anchor::Start, &format!("×{gain}"));
-        }
+        (grid.heading, grid.notes) = (heading.to_owned(), sheet.notes.clone());
+        Ok(grid.svg(title, description))
     }
 
     /// Returns the brightening factor of a path length.
@@ -227,7 +187,7 @@ fn strategy_tiles(layers: &[LayerImage], wanted: bool) -> Vec<Tile> {
     let tile = |layer: &LayerImage| match layer.film.subset {
         PathSubset::Strategy { s, t, weighted } if weighted == wanted => Some(Tile {
             image: layer.image.clone(),
-            cell: [s, s + t - 2],
+            cell: [s as usize, (s + t - 2) as usize],
             length: Some(s + t - 1),
             label: format!("s = {s}, t = {t}"),
         }),
@@ -241,7 +201,7 @@ fn depth_tiles(layers: &[LayerImage]) -> Vec<Tile> {
     let tile = |layer: &LayerImage| match layer.film.subset {
         PathSubset::Depth(k) => Some(Tile {
             image: layer.image.clone(),
-            cell: [k - 1, 0],
+            cell: [k as usize - 1, 0],
             length: Some(k),
             label: format!("k = {k}"),
         }),

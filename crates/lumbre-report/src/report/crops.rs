@@ -11,7 +11,6 @@ use super::snapshots::{Disagreement, FacetReferences, Moment, Snapshot};
 use super::study::{ReportOptions, Study};
 use super::tables::{common_error, common_time};
 use crate::format::significant;
-use crate::metric_display::MetricDisplay;
 use crate::plot::sizes::{COLUMN, FULL, SCREEN};
 use crate::plot::style::{FAINT, INK};
 use crate::plot::svg::{Anchor, Drawing, Font, shorten};
@@ -194,22 +193,7 @@ impl CropFigure<'_> {
     }
 
     fn caption(&self, tonemap: Tonemap) -> String {
-        let mut sentences = vec![match self.moment {
-            Moment::Time(t) => format!(
-                "Stored pictures nearest to {} s of render time.",
-                significant(t, 3)
-            ),
-            Moment::Error(metric, error) => {
-                let spec = &self.study.metrics[metric];
-                let error = MetricDisplay::for_metric(spec).metric_value(error);
-                format!(
-                    "Stored pictures nearest to {} = {}.",
-                    spec.row.label,
-                    significant(error, 3)
-                )
-            }
-            Moment::End => "Final pictures.".to_owned(),
-        }];
+        let mut sentences = vec![self.moment.sentence(self.study)];
         sentences.push("Above each: samples per pixel and render time.".to_owned());
         sentences.push(format!("Left: reference ({}).", self.description));
         sentences.push("Right: windows of the first repeat.".to_owned());

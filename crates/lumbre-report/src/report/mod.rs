@@ -76,10 +76,15 @@ pub enum ReportError {
 /// Callback that reads and decodes a picture file, or returns an error message.
 pub type Pictures<'a> = dyn Fn(&Path) -> Result<Image, String> + 'a;
 
+/// Callback that reads a file, or returns an error message.
+pub type Bytes<'a> = dyn Fn(&Path) -> Result<Vec<u8>, String> + 'a;
+
 /// Callbacks to the program that a report needs.
 pub struct ReportContext<'a> {
     /// Reads a picture.
     pub pictures: &'a Pictures<'a>,
+    /// Reads any other file of a run.
+    pub bytes: &'a Bytes<'a>,
     /// Descriptions of everything read so far that does not match its checksum, which is left out.
     pub problems: &'a dyn Fn() -> Vec<String>,
     /// Returns the relative URL of a file or folder as seen from the report's page.
@@ -118,6 +123,11 @@ pub fn build(
 ) -> Result<Report, ReportError> {
     let mut notes = study.notes.clone();
     let mut items = requested::items(study);
+    let files = requested::RunFiles {
+        pictures: context.pictures,
+        bytes: context.bytes,
+    };
+    items.extend(requested::sheets(study.nights, files, false, &mut notes)?);
     for x in FigureX::ALL.iter().copied() {
         for metric in 0..study.metrics.len() {
             items.extend(convergence::figures(study, metric, x));

@@ -2,6 +2,7 @@
 
 mod means;
 mod presentation;
+mod sheets;
 mod sweep;
 mod verdict;
 
@@ -193,6 +194,7 @@ fn report_with(nights: &[Night], options: &ReportOptions, pictures: &Pictures) -
         options,
         &ReportContext {
             pictures,
+            bytes: &|path| Err(format!("{} is missing", path.display())),
             problems: &Vec::new,
             link: &link,
             command: &command,

@@ -6,21 +6,14 @@ use super::films::{facet_and_series_label, file_suffix, titled};
 use super::item::ReportItem;
 use super::snapshots::read_picture;
 use super::study::{Member, Study};
+use crate::OutputError;
 use crate::format;
-use crate::plot::sizes::{FULL, SCREEN};
-use crate::plot::style::{FAINT, INK};
-use crate::plot::svg::{Anchor, Drawing, Font, shorten};
+use crate::plot::grid::Grid;
+use crate::plot::sizes::FULL;
 use crate::provenance::Provenance;
 use crate::time::still_length;
-use crate::{OutputError, png};
 use lumbre_light::film::Image;
 use lumbre_metrics::tonemap::Tonemap;
-
-const GAP: f64 = 2.0;
-const NAME: Font = Font::new(7.6, INK);
-const SMALL: Font = Font::new(6.6, FAINT);
-/// Space for the names of the series.
-const LEFT: f64 = 62.0;
 
 /// Maximum number of frames in a row.
 const COLUMNS: usize = 8;
@@ -90,11 +83,8 @@ fn read_frames(member: &Member, pictures: &Pictures, notes: &mut Vec<String>) ->
 }
 
 /// Returns the exposure at which 99.5 % of the lit pixels of all frames stay below white.
-fn exposure(rows: &[FrameRow]) -> Tonemap {
-    let pixels = rows
-        .iter()
-        .flat_map(|row| &row.frames)
-        .flat_map(|(_, image)| &image.data);
+pub(super) fn exposure<'a>(frames: impl Iterator<Item = &'a Image>) -> Tonemap {
+    let pixels = frames.flat_map(|image| &image.data);
     let mut lit: Vec<f32> = pixels
         .map(|p| p[0].max(p[1]).max(p[2]))
         .filter(|v| *v > 0.0 && v.is_finite())
@@ -111,11 +101,20 @@ fn exposure(rows: &[FrameRow]) -> Tonemap {
 
 fn figure(study: &Study, facet: usize, rows: &[FrameRow]) -> Result<ReportItem, OutputError> {
     let provenance = Provenance::from_members(rows.iter().map(|row| row.member));
-    let display = exposure(rows);
-    let (drawing, height) = draw_rows(rows, display)?;
+    let frames = rows.iter().flat_map(|row| &row.frames);
+    let display = exposure(frames.map(|(_, image)| image));
+    let columns = rows.iter().map(|row| row.frames.len()).max().unwrap_or(1);
+    let names = rows.iter().map(|row| row.name.clone()).collect();
+    let mut grid = Grid::new(columns, names, FULL);
+    for (row, FrameRow { frames, .. }) in rows.iter().enumerate() {
+        for (column, (length, image)) in frames.iter().enumerate() {
+            let label = format::significant(*length, 4);
+            grid.picture([column, row], image, display, label)?;
+        }
+    }
     let label = facet_and_series_label(study, facet, None);
     let title = titled("Light over time", &label);
-    let svg = drawing.finish_scaled(FULL, height, SCREEN, &title, &provenance.text());
+    let svg = grid.svg(&title, &provenance.text());
     let caption = format!(
         "Light by the optical length of its path. Below each frame: the optical length at the \
          centre of its time interval, in scene units. The intervals divide the time axis evenly. \
@@ -129,34 +128,4 @@ fn figure(study: &Study, facet: usize, rows: &[FrameRow]) -> Result<ReportItem, 
         svg,
         provenance,
     ))
-}
-
-/// Draws the rows and returns the drawing and its height.
-fn draw_rows(rows: &[FrameRow], display: Tonemap) -> Result<(Drawing, f64), OutputError> {
-    let columns = rows.iter().map(|row| row.frames.len()).max().unwrap_or(1) as f64;
-    let width = (FULL - LEFT - GAP * (columns - 1.0)) / columns;
-    let mut drawing = Drawing::default();
-    let mut y = 0.0;
-    for row in rows {
-        let mut height = 0.0f64;
-        for (i, (length, image)) in row.frames.iter().enumerate() {
-            let x = LEFT + i as f64 * (width + GAP);
-            height = width * f64::from(image.height) / f64::from(image.width);
-            drawing.image([x, y, width, height], &png::encode(image, display, &[])?);
-            drawing.text(
-                (x + width / 2.0, y + height + 7.0),
-                SMALL,
-                Anchor::Middle,
-                &format::significant(*length, 4),
-            );
-        }
-        drawing.text(
-            (0.0, y + height / 2.0),
-            NAME,
-            Anchor::Start,
-            &shorten(&row.name, NAME.size, LEFT - 4.0),
-        );
-        y += height + 10.0;
-    }
-    Ok((drawing, y))
 }

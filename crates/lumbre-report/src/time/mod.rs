@@ -6,11 +6,13 @@
 
 mod animation;
 mod curve;
+mod density;
 mod npy;
 mod still;
 
 pub use animation::{apng, gif};
 pub use curve::{TimeCurve, curves_csv, curves_figure};
+pub(super) use density::DensityScale;
 pub use npy::{decode as read_array, encode as array, read_numbers, read_shape};
 pub use still::{arrival, arrival_picture, sheet, streak_x, streak_y};
 
@@ -20,6 +22,7 @@ use super::OutputError;
 use lumbre_light::film::Image;
 use lumbre_light::film::time::{CUBE_FILE, TimeAxis, TimeCube, time_unit};
 use lumbre_light::math::luminance::luminance_of;
+use lumbre_light::transport::time_settings::Timing;
 use lumbre_metrics::tonemap::Tonemap;
 
 /// Maximum number of frames of an animation. If there are more bins, groups of bins are summed.
@@ -63,6 +66,36 @@ impl Movie {
             seconds,
             mean,
         }
+    }
+
+    /// Builds the movie of a run from the array that it wrote, with the time axis of its film.
+    ///
+    /// # Errors
+    /// Returns an error if the bytes are no array of pixels with the bins of the axis.
+    pub fn from_array(bytes: &[u8], timing: &Timing) -> Result<Movie, OutputError> {
+        let (shape, numbers) = read_array(bytes)?;
+        let bins = timing.axis.bins;
+        let (height, width) = match shape[..] {
+            [height, width, found, 3] if height * width > 0 && found == bins as usize => {
+                (height as u32, width as u32)
+            }
+            _ => {
+                return Err(OutputError::PictureRead {
+                    reason: format!(
+                        "expected an array of height x width x {bins} bins x 3, found shape \
+                         {shape:?}"
+                    ),
+                });
+            }
+        };
+        let (mean, _) = numbers.as_chunks::<3>();
+        Ok(Movie {
+            width,
+            height,
+            axis: timing.axis,
+            seconds: timing.seconds(),
+            mean: mean.to_vec(),
+        })
     }
 
     /// Returns the bins of a pixel.

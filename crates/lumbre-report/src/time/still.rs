@@ -1,14 +1,15 @@
 //! Still pictures of films with a time axis: sheets of frames, streak images and arrival maps.
 
 use super::{Movie, pixel_luminance};
-use crate::plot::svg::{Anchor, Drawing, Font};
-use crate::plot::{rasterize, style::INK};
+use crate::plot::grid::Grid;
+use crate::plot::rasterize;
+use crate::plot::sizes::FULL;
 use crate::{OutputError, png};
 use lumbre_light::film::Image;
 use lumbre_metrics::map::{Colours, ErrorMap};
 
 /// Number of columns of a sheet.
-const COLUMNS: u32 = 4;
+const COLUMNS: usize = 4;
 
 /// Fraction of a pixel's brightest bin that a bin must reach to count as the first arrival of
 /// light.
@@ -23,37 +24,16 @@ pub fn sheet(movie: &Movie) -> Result<Vec<u8>, OutputError> {
     let groups = movie.stills();
     // Frames of a sheet sum more bins than those of an animation, so their exposure differs.
     let display = movie.exposure(&groups);
-    let width = 180.0;
-    let height = width * f64::from(movie.height) / f64::from(movie.width);
-    let (step_x, step_y) = (width + 6.0, height + 18.0);
-    let mut drawing = Drawing::default();
-    let label = Font::new(9.0, INK);
+    let mut grid = Grid::new(COLUMNS, Vec::new(), FULL);
     for (i, group) in groups.iter().enumerate() {
-        let (x, y) = (
-            f64::from(i as u32 % COLUMNS) * step_x,
-            f64::from(i as u32 / COLUMNS) * step_y,
-        );
-        drawing.image(
-            [x, y, width, height],
-            &png::encode(&movie.frame(group.clone()), display, &[])?,
-        );
-        drawing.text(
-            (x + width / 2.0, y + height + 11.0),
-            label,
-            Anchor::Middle,
-            &movie.length_text(movie.middle(group)),
-        );
+        let label = movie.length_text(movie.middle(group));
+        let frame = movie.frame(group.clone());
+        grid.picture([i % COLUMNS, i / COLUMNS], &frame, display, label)?;
     }
-    let rows = (groups.len() as u32).div_ceil(COLUMNS).max(1);
-    let (w, h) = (f64::from(COLUMNS) * step_x - 6.0, f64::from(rows) * step_y);
-    let svg = drawing.finish_scaled(
-        w,
-        h,
-        1.5,
+    rasterize(&grid.svg(
         "Frames",
         "each frame is the sum of its bins; label: optical length",
-    );
-    rasterize(&svg)
+    ))
 }
 
 /// Returns one row over time: columns to the right, bins downwards.

@@ -11,8 +11,10 @@
 //! `sigma`. Here it is `3 / (4 sigma)`, for which the inverse distribution function in that table
 //! is correct.
 
+mod mixture;
 mod profile;
 
+pub use mixture::mixture;
 pub use profile::{Profile, profile_at, sample_all};
 
 /// Revision of the bits of delays; raising it invalidates films with a time axis. 2: exponential

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::math::piecewise::Piecewise;
 use crate::scene::compile::{DelayKind, DelayProfile, Texture, Uv};
+use crate::scene::desc::DelayDesc;
 use crate::transport::sampler::Sampler;
 use crate::transport::surface::lookup_scalar;
 
@@ -30,6 +31,15 @@ pub enum Profile {
 impl Profile {
     /// The profile without any delay.
     pub const NONE: Profile = Profile::Constant(0.0);
+
+    /// Returns the profile that a description without textures specifies.
+    pub fn of(desc: &DelayDesc) -> Profile {
+        let mut params = [0.0; 2];
+        for (param, (_, get, _)) in params.iter_mut().zip(desc.params()) {
+            *param = get(desc).iter().sum();
+        }
+        Profile::from_parts(desc.kind, params, || Some(Piecewise::new(&desc.pairs())))
+    }
 
     /// Returns the kind, its parameters (zero if unused), and its table, if it has one.
     pub fn to_parts(&self) -> (DelayKind, [f32; 2], Option<&Piecewise>) {

@@ -16,7 +16,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::outcome::{CellRef, Outcome, WaveRow};
-use super::spec::{FigureSpec, Presentation, TableSpec};
+use super::spec::{FigureSpec, Presentation, SheetSpec, TableSpec};
 use lumbre_light::scene::SceneDesc;
 use lumbre_light::transport::integrator::bias_of;
 use lumbre_metrics::MetricSpec;
@@ -47,6 +47,8 @@ pub struct NightPlan {
     pub metrics: Vec<MetricSpec>,
     /// Tone map of displayed pictures.
     pub display: Tonemap,
+    /// Sheets of pictures and frames that the script requests.
+    pub sheets: Vec<SheetSpec>,
     /// Presentation of the results that the script sets.
     pub report: Presentation,
     /// Order in which the runs are rendered, a name of [`Order`](super::spec::Order).
@@ -73,6 +75,7 @@ impl Default for NightPlan {
             is_repeated: false,
             metrics: Vec::new(),
             display: Tonemap::Srgb { exposure: 0.0 },
+            sheets: Vec::new(),
             report: Presentation::default(),
             order: String::new(),
             skipped: 0,

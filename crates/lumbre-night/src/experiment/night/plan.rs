@@ -40,6 +40,7 @@ impl Night {
             stop: Some(outline_stop(&cell.stop)),
             settings: Some(Arc::clone(&cell.config)),
             content: Some(Arc::clone(&cell.scene)),
+            ..RunPlan::default()
         });
         let references = plan.references.iter().map(|reference| {
             let id = reference.id.to_string();
@@ -71,6 +72,7 @@ impl Night {
             settings: plan.settings.clone(),
             metrics: plan.measure.metrics.clone(),
             display: plan.measure.display,
+            sheets: plan.sheets.clone(),
             report: plan.report.clone(),
             order: plan.night.order.name().to_owned(),
             skipped: plan.skipped.len(),

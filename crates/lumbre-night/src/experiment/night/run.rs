@@ -1,5 +1,6 @@
 //! A run of a night: what was planned, its state, and what is known of its results.
 
+use std::collections::BTreeMap;
 use std::ops::Deref;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -8,6 +9,8 @@ use crate::experiment::outcome::{Outcome, WaveRow};
 use crate::experiment::spec::Point;
 use crate::experiment::stop::StopRule;
 use lumbre_light::scene::SceneDesc;
+use lumbre_light::transport::delay::Profile;
+use lumbre_light::transport::time_settings::Timing;
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::floor::Floor;
 use lumbre_render::{OpenStats, Peer, Settings};
@@ -126,6 +129,11 @@ pub struct RunPlan {
     pub settings: Option<Arc<Settings>>,
     /// Scene with the cell's changes applied, if known.
     pub content: Option<Arc<SceneDesc>>,
+    /// Time axis of its film, of nights that are read from files and whose script has `x:frames`.
+    pub timing: Option<Timing>,
+    /// Weights and profiles of the delays of the materials whose densities `x:frames` shows; known
+    /// where `timing` is.
+    pub delays: BTreeMap<String, Vec<(f32, Profile)>>,
 }
 
 /// The run of a cell. Facts that only a finished run or only its files state are `None` or empty

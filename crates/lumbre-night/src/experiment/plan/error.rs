@@ -280,6 +280,14 @@ pub enum PlanError {
         /// Cause and remedy.
         reason: String,
     },
+    /// A sheet of pictures or frames cannot be drawn.
+    #[error("{error}")]
+    Sheet {
+        /// Name of the sheet.
+        name: String,
+        /// Option of the sheet, and what is wrong with it.
+        error: Box<SchemaError>,
+    },
     /// An external program is not installed. The points that need it are left out of the plan.
     #[error("{technique} is not installed: {reason}")]
     Absent {

@@ -9,7 +9,7 @@ use super::path::Paths;
 use super::resolve::{LoadScene, Renderable, Resolver};
 use super::{
     BiasCheck, Cell, Plan, PlanError, PlannedCommand, Reference, ReferenceSource, RunId, Skipped,
-    identity, warnings,
+    identity, sheet_check, warnings,
 };
 use crate::experiment::hook_error::HookError;
 use crate::experiment::shards;
@@ -41,7 +41,9 @@ pub fn expand(
     for point in axes::points(&axes) {
         builder.add(point)?;
     }
-    Ok(builder.finish())
+    let plan = builder.finish();
+    sheet_check::check(&plan)?;
+    Ok(plan)
 }
 
 /// Describes the axes that the script does not declare, which are settings of the command line.
@@ -471,6 +473,7 @@ impl<'a> Builder<'a> {
             night: self.spec.night.clone(),
             figures: self.spec.figures.clone(),
             tables: self.spec.tables.clone(),
+            sheets: self.spec.sheets.clone(),
             report: self.spec.report.clone(),
             script_text: self.spec.script_text.clone(),
             files: BTreeSet::new(),

@@ -15,7 +15,7 @@ use std::path::Path;
 
 use super::{Plan, RunId};
 use crate::experiment::spec::{
-    FigureKind, FigureSpec, MeasureSpec, Point, Snapshots, TableSpec, TableValue,
+    FigureKind, FigureSpec, MeasureSpec, Point, SheetSpec, Snapshots, TableSpec, TableValue,
 };
 use crate::experiment::stop::StopRule;
 use lumbre_light::value::Value;
@@ -231,8 +231,8 @@ pub(super) fn reference_stop(rule: &StopRule, script_hash: &[u8; 32]) -> Value {
     })
 }
 
-/// Returns the hash of a plan as 32 hex digits: of its name, cells with their points, figures and
-/// tables.
+/// Returns the hash of a plan as 32 hex digits: of its name, cells with their points, figures,
+/// tables and sheets.
 pub(super) fn plan_hash(plan: &Plan) -> String {
     let cell = |cell: &super::Cell| {
         let point = cell
@@ -246,7 +246,7 @@ pub(super) fn plan_hash(plan: &Plan) -> String {
             Value::List(point),
         ])
     };
-    let identity = Value::from_iter([
+    let fields = [
         ("format", Value::Int(FORMAT)),
         ("name", plan.name.as_str().into()),
         ("cells", Value::List(plan.cells.iter().map(cell).collect())),
@@ -258,8 +258,12 @@ pub(super) fn plan_hash(plan: &Plan) -> String {
             "tables",
             Value::List(plan.tables.iter().map(table).collect()),
         ),
-    ]);
-    run_id(&identity).0
+    ];
+    // Omitted if there are none, so that plans keep the hashes from before sheets existed.
+    let sheet = |sheet: &SheetSpec| Value::Map(sheet.options.clone());
+    let sheets = || Value::List(plan.sheets.iter().map(sheet).collect());
+    let sheets = (!plan.sheets.is_empty()).then(|| ("sheets", sheets()));
+    run_id(&Value::from_iter(fields.into_iter().chain(sheets))).0
 }
 
 /// Canonical form of a figure.

@@ -16,6 +16,7 @@ mod order;
 mod path;
 mod reach;
 mod resolve;
+mod sheet_check;
 mod technique_names;
 mod warnings;
 
@@ -34,7 +35,7 @@ pub use technique_names::integrator_help;
 
 use super::outcome::CellRef;
 use super::shards::{Shard, split};
-use super::spec::{FigureSpec, MeasureSpec, NightSpec, Point, Presentation, TableSpec};
+use super::spec::{FigureSpec, MeasureSpec, NightSpec, Point, Presentation, SheetSpec, TableSpec};
 use super::stop::StopRule;
 use lumbre_light::scene::{Note, SceneDesc};
 use lumbre_render::Settings;
@@ -209,7 +210,7 @@ impl PlannedCommand {
 pub struct Plan {
     /// Name of the experiment.
     pub name: String,
-    /// Hash of all identities, figures and tables, hex. The name of the folder contains its first
+    /// Hash of all identities, figures, tables and sheets, hex. The name of the folder contains its first
     /// digits.
     pub hash: String,
     /// Seed of the experiment.
@@ -241,6 +242,8 @@ pub struct Plan {
     pub figures: Vec<FigureSpec>,
     /// Tables to write.
     pub tables: Vec<TableSpec>,
+    /// Sheets of pictures and frames to draw.
+    pub sheets: Vec<SheetSpec>,
     /// Presentation of the results in figures, tables and reports; not part of `hash`.
     pub report: Presentation,
     /// Text of the script.

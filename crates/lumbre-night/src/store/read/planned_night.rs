@@ -10,7 +10,7 @@ use crate::experiment::night::reference::ReferencePlan;
 use crate::experiment::night::run::{RunPlan, StopOutline};
 use crate::experiment::night::{Night, NightPlan};
 use crate::experiment::plan::counted_reasons;
-use crate::experiment::spec::Presentation;
+use crate::experiment::spec::{Presentation, SheetSpec};
 use crate::experiment::stop::StopRule;
 use crate::store::schema::StoredFile;
 use crate::store::schema::plan::{
@@ -38,6 +38,8 @@ pub(crate) fn planned_night(files: &NightReader) -> Night {
         integrator: cell.integrator.clone(),
         backend: cell.backend.clone(),
         denoise: cell.denoise.clone(),
+        timing: cell.timing.clone(),
+        delays: cell.delays.clone(),
         scene: cell.scene.clone(),
         max_depth: cell.max_depth,
         resolution: cell.resolution,
@@ -71,6 +73,13 @@ pub(crate) fn planned_night(files: &NightReader) -> Night {
         Err(error) if error.is_missing() => {}
         Err(error) => notes.push(error.to_string()),
     }
+    let mut sheets = Vec::new();
+    for sheet in &plan.sheets {
+        match SheetSpec::new(sheet.clone()) {
+            Ok(sheet) => sheets.push(sheet),
+            Err(e) => notes.push(format!("a sheet is left out: {e}")),
+        }
+    }
     let defaults = NightPlan::default();
     let display = Tonemap::from_value("display", &plan.measure.display);
     let facts = NightPlan {
@@ -81,6 +90,7 @@ pub(crate) fn planned_night(files: &NightReader) -> Night {
         settings: plan.settings.clone(),
         metrics,
         display: display.unwrap_or(defaults.display),
+        sheets,
         report,
         order: plan.night.order.clone(),
         skipped: plan.skipped.len(),

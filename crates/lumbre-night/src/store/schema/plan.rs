@@ -9,6 +9,8 @@ use serde::{Deserialize, Serialize};
 use super::values::Named;
 use super::{Problem, StoredFile, Version, files, pretty, records};
 use crate::experiment::spec::{FigureSpec, TableSpec};
+use lumbre_light::transport::delay::Profile;
+use lumbre_light::transport::time_settings::Timing;
 use lumbre_light::value::Value;
 use lumbre_render::settings::StoredSettings;
 
@@ -104,6 +106,10 @@ records! {
         /// Tables that the script asks for. Only if there are any.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         pub tables: Vec<TableSpec>,
+        /// Options of the sheets of pictures and frames, with `kind` and `name`. Only of scripts
+        /// that declare any.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        pub sheets: Vec<BTreeMap<String, Value>>,
         /// Presentation of the results in reports. Only of scripts that set it.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub report: Option<PresentationRecord>,
@@ -194,6 +200,13 @@ records! {
         /// Name of its denoiser. Only of cells that have one.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pub denoise: Option<String>,
+        /// Time axis of its film. Only of scripts with `x:frames`.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub timing: Option<Timing>,
+        /// Distributions of delays that frames show, by material: weights and profiles. Only of
+        /// scripts with such frames.
+        #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+        pub delays: BTreeMap<String, Vec<(f32, Profile)>>,
     }
 
     /// A reference that is rendered.

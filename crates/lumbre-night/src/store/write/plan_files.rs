@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::experiment::plan::{Reference, ReferenceSource};
-use crate::experiment::spec::Presentation;
+use crate::experiment::spec::{Presentation, SheetSpec};
 use crate::experiment::{CellRef, Plan, Point, StopRule};
 use crate::store::layout;
 use crate::store::schema::plan::{
@@ -12,6 +12,7 @@ use crate::store::schema::plan::{
 };
 use crate::store::schema::run::ConfigFile;
 use crate::store::schema::values::Named;
+use lumbre_light::transport::delay;
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
 use lumbre_render::Settings;
@@ -75,6 +76,7 @@ pub fn plan_file(plan: &Plan) -> PlanFile {
             .collect(),
         figures: plan.figures.clone(),
         tables: plan.tables.clone(),
+        sheets: plan.sheets.iter().map(|s| s.options.clone()).collect(),
         report: (plan.report != Presentation::default()).then(|| PresentationRecord {
             display: plan.report.display.map_or(Value::Nil, |d| d.to_value()),
             names: plan.report.names.clone(),
@@ -132,6 +134,11 @@ fn metric_record(metric: &MetricSpec) -> MetricRecord {
 fn planned_cell(plan: &Plan, index: usize, stop: usize) -> PlannedCell {
     let cell = &plan.cells[index];
     let folder = layout::run_name(plan, index);
+    let frames = plan.sheets.iter().any(|sheet| sheet.kind() == "frames");
+    let timing = cell.config.timing.clone().filter(|_| frames);
+    let densities = plan.sheets.iter().filter_map(SheetSpec::density);
+    let densities = densities.filter(|_| timing.is_some());
+    let mixture = |name: &str| Some((name.to_owned(), delay::mixture(&cell.scene, name).ok()?));
     PlannedCell {
         run: cell.id.0.clone(),
         path: cell.path.clone(),
@@ -148,6 +155,8 @@ fn planned_cell(plan: &Plan, index: usize, stop: usize) -> PlannedCell {
         stop,
         double_of: cell.double_of,
         denoise: cell.config.denoise.as_ref().map(|d| d.name().to_owned()),
+        delays: densities.filter_map(mixture).collect(),
+        timing,
     }
 }
 

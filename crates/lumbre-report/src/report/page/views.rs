@@ -4,6 +4,7 @@
 use exr::prelude::f16;
 use serde_json::{Value as Json, json};
 
+use crate::plot::grid::reduced;
 use crate::plot::svg::base64;
 use crate::report::Pictures;
 use crate::report::crops::flip_metric;
@@ -159,30 +160,6 @@ impl FacetView<'_> {
     }
 }
 
-/// Reduces an image by averaging squares of `n` by `n` pixels. Remaining pixels at the edges are
-/// dropped.
-fn reduced(image: &Image, n: u32) -> Image {
-    if n == 1 {
-        return image.clone();
-    }
-    Image::from_fn(
-        (image.width / n).max(1),
-        (image.height / n).max(1),
-        |x, y| {
-            let mut sum = [0.0f64; 3];
-            let mut count = 0.0;
-            for j in y * n..(y * n + n).min(image.height) {
-                for i in x * n..(x * n + n).min(image.width) {
-                    let pixel = image.at(i, j);
-                    (0..3).for_each(|c| sum[c] += f64::from(pixel[c]));
-                    count += 1.0;
-                }
-            }
-            sum.map(|s| (s / count) as f32)
-        },
-    )
-}
-
 /// Encodes pixels as little-endian half floats in base 64. Values are clamped to the range of half
 /// floats; NaN is preserved.
 fn half_floats(image: &Image) -> String {
@@ -220,12 +197,5 @@ mod tests {
             half_floats(&image),
             base64(&[0x00, 0x3c, 0x00, 0xc0, 0xff, 0x7b])
         );
-    }
-
-    #[test]
-    fn reduced_pictures_are_means() {
-        let image = Image::from_fn(5, 4, |x, y| [(x + 10 * y) as f32; 3]);
-        let half = reduced(&image, 2);
-        assert_eq!((half.width, half.height, half.at(1, 1)), (2, 2, [27.5; 3]));
     }
 }

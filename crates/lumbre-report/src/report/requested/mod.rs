@@ -1,5 +1,5 @@
-//! Figures and tables that a script requests, drawn and printed at the end of a night, and shown
-//! first in its report.
+//! Figures, tables and sheets that a script requests, drawn and printed at the end of a night, and
+//! shown first in its report.
 //!
 //! Runs are grouped by the axes of the request as in a report, and lines and means are those of
 //! reports.
@@ -7,9 +7,11 @@
 mod caption;
 mod figures;
 mod roles;
+mod sheets;
 mod tables;
 
 pub use figures::{FigureFiles, figures};
+pub use sheets::{RunFiles, sheets};
 pub use tables::tables;
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -4,11 +4,13 @@ use std::path::Path;
 
 use super::Pictures;
 use super::study::{Member, Study};
+use crate::format::significant;
 use crate::metric_display::MetricDisplay;
 use lumbre_light::film::Image;
 use lumbre_metrics::MetricSpec;
 use lumbre_night::experiment::WaveRow;
 use lumbre_night::experiment::night::run::Run;
+use lumbre_night::experiment::spec::PictureMoment;
 
 /// Stored picture of a run with its measurements.
 #[derive(Debug)]
@@ -32,10 +34,45 @@ pub struct Snapshot {
 pub enum Moment {
     /// Render time in seconds.
     Time(f64),
+    /// Samples per pixel.
+    Samples(u64),
     /// Metric of the study and its drawn value.
     Error(usize, f64),
     /// End of the run.
     End,
+}
+
+impl Moment {
+    /// Returns a sentence for captions on the pictures that are selected at it.
+    pub fn sentence(self, study: &Study) -> String {
+        match self {
+            Moment::Time(t) => format!(
+                "Stored pictures nearest to {} s of render time.",
+                significant(t, 3)
+            ),
+            Moment::Samples(n) => format!("Stored pictures nearest to {n} samples per pixel."),
+            Moment::Error(metric, error) => {
+                let spec = &study.metrics[metric];
+                let error = MetricDisplay::for_metric(spec).metric_value(error);
+                format!(
+                    "Stored pictures nearest to {} = {}.",
+                    spec.row.label,
+                    significant(error, 3)
+                )
+            }
+            Moment::End => "Final pictures.".to_owned(),
+        }
+    }
+}
+
+impl From<PictureMoment> for Moment {
+    fn from(moment: PictureMoment) -> Moment {
+        match moment {
+            PictureMoment::End => Moment::End,
+            PictureMoment::Time(seconds) => Moment::Time(seconds),
+            PictureMoment::Samples(samples) => Moment::Samples(samples),
+        }
+    }
 }
 
 /// Picture of a reference.
@@ -284,7 +321,7 @@ pub fn nearest_snapshots(
 }
 
 /// Returns the measurement with a stored picture that is nearest to a moment.
-fn nearest<'a>(
+pub fn nearest<'a>(
     study: &Study,
     member: &Member<'a>,
     moment: Moment,
@@ -293,6 +330,7 @@ fn nearest<'a>(
         let (here, there) = match moment {
             Moment::End => return Some(-(row.samples as f64)),
             Moment::Time(t) => (row.render_s, t),
+            Moment::Samples(n) => (row.samples as f64, n as f64),
             Moment::Error(metric, error) => (
                 MetricDisplay::for_metric(&study.metrics[metric])
                     .drawn_value(member.value(row, metric)?)?,

@@ -139,6 +139,7 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
         night: Default::default(),
         figures: Vec::new(),
         tables: Vec::new(),
+        sheets: Vec::new(),
         report: Default::default(),
         script_text: String::new(),
         files: Default::default(),
