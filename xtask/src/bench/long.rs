@@ -6,8 +6,6 @@ use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
 
-use serde_json::{Value as Json, json};
-
 use super::night::BALL;
 use lumbre_night::experiment::memory;
 
@@ -106,14 +104,6 @@ impl ShortCellCost {
             memory(self.late),
             self.files
         )
-    }
-
-    /// Returns the figures as JSON.
-    pub fn to_json(&self) -> Json {
-        json!({
-            "cells": CELLS, "memory_early_bytes": self.early, "memory_late_bytes": self.late,
-            "files_per_run": self.files,
-        })
     }
 }
 

@@ -6,8 +6,6 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::Arc;
 
-use serde_json::{Value as Json, json};
-
 use lumbre::cli::bench::subject::Subject;
 use lumbre::cli::format::aligned;
 use lumbre_light::math::stats::median;
@@ -126,16 +124,6 @@ impl BesideMitsuba {
             self.version,
             aligned(&lines)
         )
-    }
-
-    /// Returns the figures as JSON.
-    pub fn to_json(&self) -> Json {
-        let rows = self.rows.iter().map(|row| {
-            json!({ "scene": row.scene, "mitsuba_ns": row.ns[0], "nee_ns": row.ns[1],
-                    "ratio": row.ratio })
-        });
-        json!({ "mitsuba": self.version, "side": SIDE, "max_depth": MAX_DEPTH,
-                "rows": rows.collect::<Json>() })
     }
 }
 

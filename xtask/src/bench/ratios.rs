@@ -5,8 +5,6 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::Vec3;
-use serde_json::{Value as Json, json};
-
 use lumbre::cli::bench::interleave::interleaved;
 use lumbre::cli::bench::subject::Subject;
 use lumbre::cli::format::aligned;
@@ -159,24 +157,6 @@ impl Ratios {
             text += &format!("{:<5} {one:>8.3} {many:>8.3}\n", shared.integrator);
         }
         text
-    }
-
-    /// Returns the figures as JSON.
-    pub fn to_json(&self) -> Json {
-        let rows = self.rows.iter().map(|row| {
-            json!({
-                "what": row.name, "beside": row.baseline, "integrator": row.integrator,
-                "of_each": row.unit, "ns": row.ns,
-                "ratio": row.ratio, "aim": row.target,
-            })
-        });
-        let shared = self.shared.iter().map(|shared| {
-            json!({
-                "integrator": shared.integrator, "threads": [1, THREADS],
-                "writes_per_1000_paths": shared.writes,
-            })
-        });
-        json!({ "rows": rows.collect::<Json>(), "shared": shared.collect::<Json>() })
     }
 }
 
@@ -492,7 +472,6 @@ mod tests {
             "{}",
             table.table()
         );
-        assert_eq!(table.to_json()["rows"][0]["of_each"], "path");
         // Only film rows are shared, for any number of threads.
         let paths = 32.0 * 24.0 * WAVE as f64;
         assert_eq!(table.shared[0].writes, [3.0 * 24.0 * 1e3 / paths; 2]);
