@@ -42,25 +42,17 @@ pub const ROW: BackendRow = BackendRow {
     accel: true,
     open: |scene, job| {
         if job.settings.timing.is_some() {
-            return Err(RenderError::Unsupported {
-                backend: "mock",
-                reason: "films with a time axis are not supported".into(),
-            });
+            return Err(RenderError::unsupported(
+                "mock",
+                "films with a time axis are not supported",
+            ));
         }
         if !job.settings.films.is_empty() {
-            return Err(RenderError::Unsupported {
-                backend: "mock",
-                reason: "layers are not supported".into(),
-            });
+            return Err(RenderError::unsupported("mock", "layers are not supported"));
         }
         Ok(Box::new(MockRenderer::new(scene, job)))
     },
-    paths: |_, _, _| {
-        Err(RenderError::Unsupported {
-            backend: "mock",
-            reason: "it traces no paths".into(),
-        })
-    },
+    paths: |_, _, _| Err(RenderError::unsupported("mock", "it traces no paths")),
 };
 
 /// Run of the mock backend.
@@ -126,10 +118,7 @@ impl Renderer for MockRenderer {
         let total = self.film.samples + samples;
         if let Some(limit) = self.fail_after.filter(|limit| total > *limit) {
             let reason = format!("asked to fail after {limit} samples");
-            return Err(RenderError::Failed {
-                backend: "mock",
-                reason,
-            });
+            return Err(RenderError::failed("mock", reason));
         }
         let n = total as f64;
         let [before, after] =
@@ -167,10 +156,7 @@ impl Renderer for MockRenderer {
     fn restore(&mut self, state: &[u8]) -> Result<(), RenderError> {
         let mut from = StateReader::new(state);
         let restored = self.film.restore(&mut from).and_then(|()| from.finish());
-        restored.map_err(|e| RenderError::Failed {
-            backend: "mock",
-            reason: e.to_string(),
-        })
+        restored.map_err(|e| RenderError::failed("mock", e))
     }
 
     fn open_stats(&self) -> &OpenStats {
