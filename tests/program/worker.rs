@@ -405,10 +405,7 @@ fn a_worker_refuses_unsupported_jobs_like_a_local_renderer_and_keeps_running() {
     let error = pool.open("mock", &scene(), wanted).err().unwrap();
     assert_eq!(
         error,
-        RenderError::Unsupported {
-            backend: "mock",
-            reason: "layers are not supported".to_owned()
-        }
+        RenderError::unsupported("mock", "layers are not supported")
     );
     let worker = pool.worker_id().unwrap();
     let mut run = pool.open("mock", &scene(), request()).unwrap();

@@ -76,10 +76,7 @@ fn a_failing_renderer_fails_its_cell_and_keeps_the_last_good_film() {
 #[test]
 fn a_renderer_that_cannot_be_opened_fails_its_cell() {
     let open: Open<'_> = &|_, scene, job| match job.max_depth {
-        1 => Err(RenderError::Unsupported {
-            backend: "mock",
-            reason: "no such depth".into(),
-        }),
+        1 => Err(RenderError::unsupported("mock", "no such depth")),
         2 => panic!("out of {}", "memory"),
         _ => Ok(Box::new(MockRenderer::new(scene, job))),
     };

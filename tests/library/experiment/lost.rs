@@ -24,10 +24,7 @@ struct LossyRenderer {
 }
 
 fn device_lost() -> RenderError {
-    RenderError::Lost {
-        backend: "mock",
-        reason: "the power was cut".to_owned(),
-    }
+    RenderError::lost("mock", "the power was cut")
 }
 
 impl Renderer for LossyRenderer {

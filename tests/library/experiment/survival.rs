@@ -52,10 +52,7 @@ fn run_night(
     let open =
         |_: &str, scene, job: lumbre_render::Job| -> Result<Box<dyn Renderer>, RenderError> {
             if job.max_depth == 2 && job.settings.rr_start == Some(7) {
-                return Err(RenderError::Failed {
-                    backend: "mock",
-                    reason: "the lens fell off".to_owned(),
-                });
+                return Err(RenderError::failed("mock", "the lens fell off"));
             }
             Ok(Box::new(MockRenderer::new(scene, job)))
         };
