@@ -61,13 +61,15 @@ const MAX_FOLDERS: u32 = 4;
 /// Number of camera rays per pixel for detecting glass.
 const PROBES: u64 = 16;
 
-/// Material model of a reference.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Surfaces {
-    /// Lambert reflectors only.
-    Diffuse,
-    /// Mitsuba's principled BSDF.
-    Principled,
+lumbre_light::named! {
+    /// Material model of a reference.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Surfaces {
+        /// Lambert reflectors only.
+        Diffuse = "diffuse",
+        /// Mitsuba's principled BSDF.
+        Principled = "principled",
+    }
 }
 
 /// A picture rendered by another program, and its scene.
@@ -281,15 +283,11 @@ impl ReferenceSettings {
 
     /// Returns the material model, or the reason why the reference is excluded.
     fn surfaces(&self) -> Result<Surfaces, String> {
-        let surfaces = match self.bsdf_mode.as_str() {
-            "diffuse" => Surfaces::Diffuse,
-            "principled" => Surfaces::Principled,
-            other => {
-                return Err(format!(
-                    "its `bsdf_mode` is `{other}`; supported: diffuse, principled"
-                ));
-            }
-        };
+        let mode = &self.bsdf_mode;
+        let surfaces = Surfaces::from_name(mode).ok_or_else(|| {
+            let names = Surfaces::NAMES.join(", ");
+            format!("its `bsdf_mode` is `{mode}`; supported: {names}")
+        })?;
         let filter = self.pixel_filter.as_ref();
         let filter = filter.map_or("unknown", |filter| filter.kind.as_str());
         if filter != "box" {
@@ -358,15 +356,6 @@ fn find_below(folder: &Path, name: &str, folders: u32) -> Option<PathBuf> {
     inner
         .iter()
         .find_map(|path| find_below(path, name, folders - 1))
-}
-
-impl Surfaces {
-    fn name(self) -> &'static str {
-        match self {
-            Surfaces::Diffuse => "diffuse",
-            Surfaces::Principled => "principled",
-        }
-    }
 }
 
 impl Reference {

@@ -19,16 +19,18 @@ pub const LANES: usize = 8;
 #[repr(C, align(32))]
 pub struct LaneArray(pub [f32; LANES]);
 
-/// Instruction set that the traversal loop is compiled for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Isa {
-    /// Vectors of 128 bits, which every processor of the build target has.
-    Portable,
-    /// Vectors of 256 bits.
-    Avx2,
-    /// Vectors of 256 bits for a single ray, as with AVX2, and of 512 bits in the vectorised path
-    /// tracer.
-    Avx512,
+lumbre_light::named! {
+    /// Instruction set that the traversal loop is compiled for.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Isa {
+        /// Vectors of 128 bits, which every processor of the build target has.
+        Portable = "portable",
+        /// Vectors of 256 bits.
+        Avx2 = "avx2",
+        /// Vectors of 256 bits for a single ray, as with AVX2, and of 512 bits in the vectorised
+        /// path tracer.
+        Avx512 = "avx512",
+    }
 }
 
 /// Environment variable that selects an instruction set by [`Isa::name`], for comparisons of speed,
@@ -63,15 +65,6 @@ impl Isa {
         match self {
             Isa::Portable | Isa::Avx2 => 5 * LANES,
             Isa::Avx512 => 8 * LANES,
-        }
-    }
-
-    /// Returns the name, as used in [`ISA_VARIABLE`].
-    pub fn name(self) -> &'static str {
-        match self {
-            Isa::Portable => "portable",
-            Isa::Avx2 => "avx2",
-            Isa::Avx512 => "avx512",
         }
     }
 }
