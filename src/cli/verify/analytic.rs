@@ -13,9 +13,10 @@ use super::{Check, VerifyRequest};
 use lumbre_light::film::Image;
 use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{
-    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, Model,
-    Optics, SceneDesc, ShapeDesc, Transform, mesh_hash,
+    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, Model, Optics,
+    SceneDesc,
 };
+use lumbre_light::scene::simple::{ball, lambert, quad, quads, room};
 
 /// Identifies the seeds of these checks.
 const SEED_FAMILY: u64 = 1;
@@ -257,7 +258,7 @@ fn sphere_over_floor() -> KnownScene {
     );
     let materials = vec![lambert("floor", Vec3::splat(albedo)), lamp];
     let entities = vec![
-        mesh("floor", &[floor]),
+        quads("floor", &[floor]),
         ball("lamp", Vec3::Y * height, radius),
     ];
     let mut scene = scene(Vec3::Y * eye, Vec3::ZERO, 60.0, materials, entities);
@@ -274,14 +275,6 @@ fn sphere_over_floor() -> KnownScene {
             [a * l * r * r * h / (d2 * d2.sqrt()); 3]
         }),
         samples: 512,
-    }
-}
-
-fn lambert(name: &str, base_color: Vec3) -> MaterialDesc {
-    MaterialDesc {
-        base_color,
-        model: Model::Lambert,
-        ..MaterialDesc::new(name)
     }
 }
 
@@ -305,56 +298,4 @@ fn scene(
         entities: entities.into(),
         ..SceneDesc::default()
     }
-}
-
-fn entity(material: &str, center: Vec3, shape: ShapeDesc) -> EntityDesc {
-    EntityDesc {
-        name: material.to_owned(),
-        transform: Transform {
-            translate: center,
-            ..Transform::default()
-        },
-        material: Some(material.to_owned()),
-        anisotropic_direction: None,
-        shape,
-    }
-}
-
-fn ball(material: &str, center: Vec3, radius: f32) -> EntityDesc {
-    entity(material, center, ShapeDesc::Sphere { radius })
-}
-
-/// Returns the corners of a parallelogram, counter-clockwise seen from its front `a x b`.
-fn quad(corner: Vec3, a: Vec3, b: Vec3) -> [Vec3; 4] {
-    [corner, corner + a, corner + a + b, corner + b]
-}
-
-/// Creates a cube around the origin whose fronts face inwards.
-fn room(half: f32) -> EntityDesc {
-    let axes = [(Vec3::X, Vec3::Y), (Vec3::Y, Vec3::Z), (Vec3::Z, Vec3::X)];
-    let walls = axes.iter().flat_map(|(n, a)| {
-        [-1.0, 1.0].map(|side| {
-            let b = (-*n * side).cross(*a);
-            quad(
-                *n * side * half - (*a + b) * half,
-                *a * 2.0 * half,
-                b * 2.0 * half,
-            )
-        })
-    });
-    mesh("walls", &walls.collect::<Vec<_>>())
-}
-
-fn mesh(material: &str, quads: &[[Vec3; 4]]) -> EntityDesc {
-    let mut mesh = MeshDesc {
-        positions: quads.concat(),
-        triangles: (0..quads.len() as u32)
-            .flat_map(|q| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|i| 4 * q + i)))
-            .collect(),
-        slots: vec![material.to_owned()],
-        triangle_slot: vec![0; 2 * quads.len()],
-        ..MeshDesc::default()
-    };
-    mesh.content_hash = mesh_hash(&mesh);
-    entity(material, Vec3::ZERO, ShapeDesc::Mesh(Arc::new(mesh)))
 }
