@@ -168,6 +168,18 @@ impl SceneBuilder {
         )
     }
 
+    /// Adds a horizontal square about the y axis, `2 * half` wide, whose front faces upwards.
+    pub fn floor(self, half: f32, y: f32, material: Material) -> SceneBuilder {
+        let (a, b) = (Vec3::X * (2.0 * half), Vec3::Z * (-2.0 * half));
+        self.quad(Vec3::new(-half, y, half), a, b, material)
+    }
+
+    /// Adds a horizontal square as [`SceneBuilder::floor`] does, whose front faces downwards.
+    pub fn ceiling(self, half: f32, y: f32, material: Material) -> SceneBuilder {
+        let (a, b) = (Vec3::X * (2.0 * half), Vec3::Z * (2.0 * half));
+        self.quad(Vec3::new(-half, y, -half), a, b, material)
+    }
+
     /// Adds an axis-aligned cube about the origin whose fronts face inwards.
     pub fn room(mut self, half: f32, material: Material) -> SceneBuilder {
         for (n, a) in [(Vec3::X, Vec3::Y), (Vec3::Y, Vec3::Z), (Vec3::Z, Vec3::X)] {

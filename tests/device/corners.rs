@@ -155,19 +155,9 @@ const LIGHTS: [&str; 5] = [
 /// Returns a scene with a ball of every extreme material over a floor, under one kind of light.
 pub fn balls(lamp: &str) -> Arc<CompiledScene> {
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 2.2, 4.4), Vec3::new(0.0, 0.1, -0.2), 50.0)
-        .quad(
-            Vec3::new(-3.0, 0.0, 3.0),
-            Vec3::X * 6.0,
-            Vec3::Z * -6.0,
-            grey(0.5),
-        );
+        .floor(3.0, 0.0, grey(0.5));
     if lamp == "triangles" {
-        builder = builder.quad(
-            Vec3::new(-1.0, 3.0, -1.0),
-            Vec3::X * 2.0,
-            Vec3::Z * 2.0,
-            light(4.0),
-        );
+        builder = builder.ceiling(1.0, 3.0, light(4.0));
     }
     for (i, material) in extreme_materials().into_iter().enumerate() {
         let place = Vec3::new(i as f32 % 4.0 - 1.5, 0.4, (i / 4) as f32 - 2.0);

@@ -71,7 +71,7 @@ pub fn room() -> Arc<CompiledScene> {
     ) = (Model::Disney, 1.0, 0.5, 0.5);
     SceneBuilder::new(Vec3::new(0.0, 0.0, 1.9), Vec3::ZERO, 60.0)
         .room(2.0, grey(0.7))
-        .quad(Vec3::new(-0.5, 1.99, -0.5), Vec3::X, Vec3::Z, light(8.0))
+        .ceiling(0.5, 1.99, light(8.0))
         .quad(
             Vec3::new(-1.5, -1.0, -1.0),
             Vec3::new(0.0, 1.0, 0.0),
@@ -145,12 +145,7 @@ pub fn scene_with_all_lights() -> Arc<CompiledScene> {
             .collect(),
     );
     builder
-        .quad(
-            Vec3::new(-3.0, 0.0, 3.0),
-            Vec3::X * 6.0,
-            Vec3::Z * -6.0,
-            floor,
-        )
+        .floor(3.0, 0.0, floor)
         .quad(Vec3::new(-1.5, 0.0, 0.5), Vec3::X, Vec3::Y, leaf)
         .quad(Vec3::new(0.5, 0.0, 0.5), Vec3::X, Vec3::Y, grid)
         .triangle(

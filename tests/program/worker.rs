@@ -224,16 +224,11 @@ fn everything() -> (Arc<CompiledScene>, Job) {
     };
     let sky = Texture::new(2, 1, vec![[1.0, 2.0, 3.0], [0.5; 3]]);
     let scene = builder
-        .quad(
-            Vec3::new(-2.0, -1.0, 2.0),
-            Vec3::X * 4.0,
-            Vec3::Z * -4.0,
-            disney,
-        )
+        .floor(2.0, -1.0, disney)
         .quad(Vec3::new(-1.0, -1.0, 0.5), Vec3::X, Vec3::Y, leaf)
         .quad(Vec3::new(0.2, -1.0, 0.3), Vec3::X, Vec3::Y, cloud)
         .quad(Vec3::new(-1.5, -0.5, 0.2), Vec3::X, Vec3::Y, paper)
-        .quad(Vec3::new(-0.5, 1.5, -0.5), Vec3::X, Vec3::Z, light(4.0))
+        .ceiling(0.5, 1.5, light(4.0))
         .sphere(
             Vec3::new(0.5, 0.0, -0.5),
             0.4,

@@ -302,12 +302,7 @@ pub fn room(eye: Vec3) -> SceneBuilder {
         ..WHITE
     };
     SceneBuilder::new(eye, Vec3::new(0.0, 0.7, 0.0), 50.0)
-        .quad(
-            Vec3::new(-2.0, 0.0, 2.0),
-            Vec3::X * 4.0,
-            Vec3::Z * -4.0,
-            grey(0.7),
-        )
+        .floor(2.0, 0.0, grey(0.7))
         .quad(
             Vec3::new(-2.0, 0.0, -1.5),
             Vec3::X * 4.0,

@@ -81,7 +81,7 @@ fn they_agree_on_masks_with_values_between_0_and_1() {
     let scene = scene
         .quad(corner, Vec3::X * 3.0, Vec3::Z * -3.0, sheet)
         .sphere(Vec3::new(0.9, 0.8, 0.2), 0.4, ball)
-        .quad(Vec3::new(-0.5, 2.0, -0.5), Vec3::X, Vec3::Z, light(8.0))
+        .ceiling(0.5, 2.0, light(8.0))
         .build();
     let truth_job = Job {
         integrator: integrator("nee").unwrap(),

@@ -27,12 +27,7 @@ const LIGHT: f64 = 0.05;
 fn lamp_over_floor() -> Arc<CompiledScene> {
     SceneBuilder::new(Vec3::Y * 0.3, Vec3::ZERO, 90.0)
         .with(|s| s.camera.up = Vec3::Z)
-        .quad(
-            Vec3::new(-9.0, 0.0, 9.0),
-            Vec3::X * 18.0,
-            Vec3::Z * -18.0,
-            grey(0.5),
-        )
+        .floor(9.0, 0.0, grey(0.5))
         .point(Vec3::Y * HEIGHT as f32, Vec3::splat(2.0 * LIGHT as f32))
         .build()
 }

@@ -171,12 +171,7 @@ pub fn panel(scene: SceneBuilder) -> Arc<CompiledScene> {
 /// An open stage: a floor with a ball above it.
 pub fn stage(ball: Material) -> SceneBuilder {
     SceneBuilder::new(Vec3::new(0.0, 1.0, 2.4), Vec3::new(0.0, 0.5, 0.0), 45.0)
-        .quad(
-            Vec3::new(-1.5, 0.0, 1.5),
-            Vec3::X * 3.0,
-            Vec3::Z * -3.0,
-            grey(0.6),
-        )
+        .floor(1.5, 0.0, grey(0.6))
         .sphere(Vec3::new(0.0, 0.8, 0.0), 0.5, ball)
 }
 

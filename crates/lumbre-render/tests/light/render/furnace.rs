@@ -142,12 +142,7 @@ fn the_radiance_of_a_floor_under_a_sphere_light_has_its_closed_form() {
     // floor is a L (r / h)^2.
     let (r, h, a, l) = (0.5f64, 2.0f64, 0.5f64, 3.0f64);
     let scene = SceneBuilder::new(Vec3::new(0.0, 1.0, 4.0), Vec3::ZERO, 0.2)
-        .quad(
-            Vec3::new(-50.0, 0.0, 50.0),
-            Vec3::X * 100.0,
-            Vec3::Z * -100.0,
-            grey(a as f32),
-        )
+        .floor(50.0, 0.0, grey(a as f32))
         .sphere(Vec3::Y * h as f32, r as f32, light(l as f32))
         .build();
     let film = render(&scene, job([16, 16], 2, 7), 2048);

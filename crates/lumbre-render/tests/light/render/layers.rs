@@ -100,12 +100,7 @@ fn open_room() -> SceneBuilder {
             Vec3::Y * 2.5,
             red,
         )
-        .quad(
-            Vec3::new(-0.8, 2.4, -0.8),
-            Vec3::X * 1.6,
-            Vec3::Z * 1.6,
-            light(4.0),
-        )
+        .ceiling(0.8, 2.4, light(4.0))
 }
 
 #[test]

@@ -162,12 +162,7 @@ fn uniform_sampling_of_the_environment_has_one_density_and_the_same_power() {
 fn both_samplings_of_the_environment_have_the_same_mean_and_luminance_has_less_noise() {
     let scene = |sampling| {
         let builder = SceneBuilder::new(Vec3::new(0.0, 1.0, 4.0), Vec3::ZERO, 40.0)
-            .quad(
-                Vec3::new(-2.0, -1.0, 2.0),
-                Vec3::X * 4.0,
-                Vec3::Z * -4.0,
-                grey(0.7),
-            )
+            .floor(2.0, -1.0, grey(0.7))
             .sphere(Vec3::new(0.0, -0.2, 0.0), 0.8, grey(0.5));
         builder
             .with(|s| s.environment = Some(sky(sampling)))

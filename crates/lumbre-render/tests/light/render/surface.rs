@@ -241,24 +241,9 @@ fn sheet(height: f32, value: f32, mode: MaskMode) -> Arc<CompiledScene> {
         ..grey(0.0)
     };
     builder
-        .quad(
-            Vec3::new(-5.0, 0.0, 5.0),
-            Vec3::X * 10.0,
-            Vec3::Z * -10.0,
-            grey(0.5),
-        )
-        .quad(
-            Vec3::new(-1.0, 3.0, -1.0),
-            Vec3::X * 2.0,
-            Vec3::Z * 2.0,
-            light(4.0),
-        )
-        .quad(
-            Vec3::new(-9.0, height, 9.0),
-            Vec3::X * 18.0,
-            Vec3::Z * -18.0,
-            sheet,
-        )
+        .floor(5.0, 0.0, grey(0.5))
+        .ceiling(1.0, 3.0, light(4.0))
+        .floor(9.0, height, sheet)
         .build()
 }
 

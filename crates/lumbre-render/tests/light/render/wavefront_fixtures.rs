@@ -293,12 +293,7 @@ pub fn room(material: Material) -> SceneBuilder {
                 *n = (*n + bend).try_normalize().unwrap();
             }
         })
-        .quad(
-            Vec3::new(-0.3, 0.99, -0.3),
-            Vec3::X * 0.6,
-            Vec3::Z * 0.6,
-            light(8.0),
-        )
+        .ceiling(0.3, 0.99, light(8.0))
         .sphere(Vec3::new(0.3, -0.3, 0.0), 0.35, material)
 }
 
