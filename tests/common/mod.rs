@@ -1,6 +1,7 @@
 //! Scenes made in code, and the renders and statistics that several test binaries need.
 #![allow(dead_code, reason = "every test binary uses its own part of this")]
 
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -14,8 +15,9 @@ use lumbre_light::scene::compile::{
     PointLight, Sphere, Texture, TriangleAttributes, UvMap,
 };
 use lumbre_light::scene::desc::{CameraDesc, ConeDesc, Optics};
-use lumbre_light::transport::integrator::integrator;
+use lumbre_light::transport::integrator::{IntegratorRow, integrator};
 use lumbre_light::transport::time_settings::Timing;
+use lumbre_light::value::Value;
 use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 
 /// A white, opaque, ideal material that emits nothing.
@@ -284,7 +286,21 @@ impl SceneBuilder {
 
 /// Returns a job for `bpt` without Russian roulette, with a box filter of one pixel.
 pub fn job(resolution: [u32; 2], max_depth: u32, seed: u64) -> Job {
-    Job::plain(integrator("bpt").unwrap(), resolution, max_depth, seed)
+    named_job("bpt", resolution, max_depth, seed)
+}
+
+/// Returns a job as [`job`] does, for the technique of this name.
+pub fn named_job(name: &str, resolution: [u32; 2], max_depth: u32, seed: u64) -> Job {
+    Job::plain(integrator(name).unwrap(), resolution, max_depth, seed)
+}
+
+/// Returns the job with another technique and its parameters.
+pub fn job_with(row: &'static IntegratorRow, params: BTreeMap<String, Value>, job: Job) -> Job {
+    Job {
+        integrator: row,
+        ..job
+    }
+    .with(|settings| settings.params = params)
 }
 
 /// Renders `samples` samples on the CPU.
@@ -364,11 +380,7 @@ pub fn timing(start: f64, bin: f64, bins: u32) -> Timing {
 
 /// Returns a job with a time axis.
 pub fn timed_job(name: &str, timing: Timing, size: [u32; 2], depth: u32, seed: u64) -> Job {
-    Job {
-        integrator: integrator(name).unwrap(),
-        ..job(size, depth, seed)
-    }
-    .with(|settings| settings.timing = Some(timing))
+    named_job(name, size, depth, seed).with(|settings| settings.timing = Some(timing))
 }
 
 /// Renders waves of these numbers of samples. Panics if a sample is invalid.

@@ -16,7 +16,7 @@ use lumbre_light::scene::compile::{
     Distribution, Interface, MaskMode, Material, Model, NONE, Texture,
 };
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
-use lumbre_light::transport::integrator::{INTEGRATORS, integrator};
+use lumbre_light::transport::integrator::INTEGRATORS;
 use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL, sampler};
 use lumbre_render::cpu::renderer::CpuRenderer;
 use lumbre_render::{Job, Renderer};
@@ -303,10 +303,7 @@ fn leaves(masked: bool) -> Arc<CompiledScene> {
 fn pictures_with_blended_masks_agree_within_noise() {
     let device = or_return!(harness::device());
     let scene = leaves(true);
-    let job = Job {
-        integrator: integrator("nee").unwrap(),
-        ..common::job([24, 16], 4, 5)
-    };
+    let job = common::named_job("nee", [24, 16], 4, 5);
     let expected = common::render(&scene, job.clone(), 256);
     let compare = |found: &Film, expected: &Film| {
         let (a, b) = (

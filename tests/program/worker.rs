@@ -27,7 +27,7 @@ use lumbre_render::worker::{HEARTBEAT, Launcher, WorkerPool};
 use lumbre_render::{Job, RenderError, Renderer};
 use lumbre_scene_io::load::load;
 
-use crate::common::{SceneBuilder, grey, job, light};
+use crate::common::{SceneBuilder, grey, job, light, named_job};
 
 fn scene() -> Arc<CompiledScene> {
     let mut builder = SceneBuilder::new(Vec3::Z * 3.0, Vec3::ZERO, 50.0);
@@ -54,11 +54,7 @@ fn scene() -> Arc<CompiledScene> {
 
 fn request() -> Job {
     let params = [("mis".to_owned(), Value::from("balance"))].into();
-    Job {
-        integrator: integrator("nee").unwrap(),
-        ..job([12, 8], 4, 77)
-    }
-    .with(|settings| {
+    named_job("nee", [12, 8], 4, 77).with(|settings| {
         settings.params = params;
         settings.rr_start = Some(3);
     })

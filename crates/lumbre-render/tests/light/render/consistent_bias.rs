@@ -7,11 +7,9 @@ use glam::Vec3;
 use lumbre_light::math::stats::sidak;
 use lumbre_light::math::t_test::{two_sided_p, welch_p};
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::transport::integrator::integrator;
 use lumbre_light::value::Value;
-use lumbre_render::Job;
 
-use crate::common::{SceneBuilder, grey, job, light, render};
+use crate::common::{SceneBuilder, grey, job, light, named_job, render};
 use crate::render::agreement::{Technique, params};
 use crate::render::consistent_fixtures::{
     SIGNIFICANCE, column, constant_job, label, mean_and_error, merging_alone, spread,
@@ -154,11 +152,8 @@ fn the_automatic_radius_is_three_pixels() {
     // of lit pixels therefore measures the diameter.
     let mut widest = 0.0f64;
     for seed in 0..400 {
-        let job = Job {
-            integrator: integrator("sppm").unwrap(),
-            ..job([16; 2], 2, seed)
-        }
-        .with(|settings| settings.params = params(&[("photons", Value::Int(1))]));
+        let job = named_job("sppm", [16; 2], 2, seed)
+            .with(|settings| settings.params = params(&[("photons", Value::Int(1))]));
         let film = render(&scene, job, 1);
         let direct = 0.4 * 3.0;
         let lit: Vec<[f64; 2]> = (0..256)

@@ -3,9 +3,8 @@
 use glam::Vec3;
 use lumbre_light::scene::compile::Material;
 use lumbre_light::scene::desc::{ConeDesc, ConeEdge};
-use lumbre_render::Job;
 
-use crate::common::{SceneBuilder, WHITE, grey, job, light, mean_and_error, render};
+use crate::common::{SceneBuilder, WHITE, grey, job, job_with, light, mean_and_error, render};
 use crate::render::agreement::technique;
 
 const EYE: Vec3 = Vec3::new(0.1, 0.2, 0.3);
@@ -222,11 +221,7 @@ fn an_environment_keeps_its_light_beside_others_if_all_lights_are_sampled() {
         for lights in ["one", "all"] {
             let pairs = [("lights", lights.into()), ("select", "uniform".into())];
             let (row, params) = technique(name, &pairs);
-            let job = Job {
-                integrator: row,
-                ..job([8, 8], 2, 7)
-            }
-            .with(|settings| settings.params = params);
+            let job = job_with(row, params, job([8, 8], 2, 7));
             let (mean, error) = mean_and_error(&render(&scene, job, 256), 1);
             assert!(error < 0.01, "{name}, {lights}: {error}");
             let off = (mean - 0.5).abs();

@@ -12,7 +12,6 @@ use lumbre_light::scene::desc::{
     CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, Optics,
     SceneDesc, ShapeDesc, TextureDesc, TextureSlot, Transform, mesh_hash,
 };
-use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::ray::{Hit, Ray};
 use lumbre_light::transport::surface::Surface;
 use lumbre_render::Job;
@@ -20,7 +19,7 @@ use lumbre_render::cpu::bvh::accel::Accel;
 use lumbre_render::cpu::bvh::simd::Isa;
 use lumbre_render::hierarchy::{AccelSpec, Builder};
 
-use crate::common::{job, render};
+use crate::common::{job, named_job, render};
 use crate::render::intersection::{numbers, point};
 
 fn mesh(
@@ -385,10 +384,7 @@ fn rays_that_leave_an_instance_do_not_hit_the_surface_that_they_left() {
 }
 
 fn scene_job(name: &str, scene: &CompiledScene, seed: u64) -> Job {
-    Job {
-        integrator: integrator(name).unwrap(),
-        ..job(scene.resolution, 4, seed)
-    }
+    named_job(name, scene.resolution, 4, seed)
 }
 
 /// Returns the root mean square difference of two pictures, over the mean of the first.

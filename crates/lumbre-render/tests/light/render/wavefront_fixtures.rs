@@ -312,18 +312,12 @@ pub fn nee_job(resolution: [u32; 2], max_depth: u32) -> Job {
 
 /// Returns the job with `bpt`, which makes no connections.
 pub fn with_bpt(job: Job) -> Job {
-    Job {
-        integrator: integrator("bpt").unwrap(),
-        ..job
-    }
+    with_technique(job, "bpt", &[])
 }
 
 /// Returns the job with `bdpt`.
 pub fn with_bdpt(job: Job) -> Job {
-    Job {
-        integrator: integrator("bdpt").unwrap(),
-        ..job
-    }
+    with_technique(job, "bdpt", &[])
 }
 
 /// Returns the job with a technique and more parameters.
