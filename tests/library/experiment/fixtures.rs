@@ -2,6 +2,7 @@
 
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -26,8 +27,8 @@ use lumbre_night::experiment::{
     CellRef, Event, ExperimentSpec, NightControls, NightSummary, Outcome, Overrides, Plan,
     PlanError, Point, RunError, RunId, ScriptHooks, Sink, SinkError, StopRule, WaveRow,
 };
-use lumbre_render::Settings;
 use lumbre_render::mock::MockRenderer;
+use lumbre_render::{Advance, OpenStats, Picture, RenderError, Renderer, Settings, WaveStats};
 
 pub type Hook<T> = Box<dyn Fn(&Point) -> Result<T, HookError>>;
 pub type SkipHook = Box<dyn Fn(usize, &Point) -> Result<bool, HookError>>;
@@ -513,5 +514,74 @@ impl Night<'_> {
             .render(lab, &Arc::new(lab.plan()), &mut [&mut recorder])
             .unwrap();
         (summary, recorder)
+    }
+}
+
+/// A mock renderer whose calls of `render` are handled by a function. After that returned
+/// [`RenderError::Lost`], every call fails.
+pub struct Wrapped<F> {
+    mock: MockRenderer,
+    act: F,
+    lost: Option<RenderError>,
+    /// Seconds that the filter of a picture takes; 0 without a filter.
+    pub filter_s: f64,
+}
+
+impl<F> Wrapped<F>
+where
+    F: FnMut(&mut MockRenderer, &Advance<'_>) -> Result<WaveStats, RenderError>,
+{
+    /// Wraps a renderer.
+    pub fn new(mock: MockRenderer, act: F) -> Wrapped<F> {
+        Wrapped {
+            mock,
+            act,
+            lost: None,
+            filter_s: 0.0,
+        }
+    }
+}
+
+impl<F> Renderer for Wrapped<F>
+where
+    F: FnMut(&mut MockRenderer, &Advance<'_>) -> Result<WaveStats, RenderError> + Send,
+{
+    fn render(&mut self, request: &Advance<'_>) -> Result<WaveStats, RenderError> {
+        if let Some(lost) = &self.lost {
+            return Err(lost.clone());
+        }
+        let result = (self.act)(&mut self.mock, request);
+        self.lost = result
+            .clone()
+            .err()
+            .filter(|error| matches!(error, RenderError::Lost { .. }));
+        result
+    }
+
+    fn film(&self) -> &Film {
+        self.mock.film()
+    }
+
+    fn picture(&mut self) -> Result<Picture, RenderError> {
+        Ok(Picture {
+            extra_s: self.filter_s,
+            denoised: self.filter_s > 0.0,
+            ..self.mock.picture()?
+        })
+    }
+
+    fn save(&self, to: &mut dyn Write) -> io::Result<bool> {
+        match &self.lost {
+            Some(lost) => Err(io::Error::other(lost.clone())),
+            None => self.mock.save(to),
+        }
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<(), RenderError> {
+        self.mock.restore(state)
+    }
+
+    fn open_stats(&self) -> &OpenStats {
+        self.mock.open_stats()
     }
 }
