@@ -198,11 +198,7 @@ fn every_way_to_fail_is_a_failed_cell_with_its_output_and_the_night_goes_on() {
         let found = reason(&place, &format!("mode={mode}/rep=0"));
         assert!(found.contains(expected), "{mode}: {found}");
     }
-    let journal = place
-        .files("out")
-        .into_iter()
-        .find(|file| file.ends_with("journal.jsonl"));
-    let journal = place.read(&journal.unwrap());
+    let journal = place.read(&place.first_ending("out", "journal.jsonl"));
     assert!(
         journal.contains("25x16 pixels instead of"),
         "the journal has no reason"
@@ -491,11 +487,7 @@ fn an_interrupted_run_resumes_with_the_same_picture() {
         ended.stderr
     );
     let picture = |place: &Workplace| {
-        let file = place
-            .files("out")
-            .into_iter()
-            .find(|file| file.ends_with("final.exr"))
-            .unwrap();
+        let file = place.first_ending("out", "final.exr");
         let bytes = std::fs::read(place.path(&file)).unwrap();
         lumbre_report::exr::decode(&bytes).unwrap().0
     };

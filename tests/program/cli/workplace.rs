@@ -184,6 +184,19 @@ impl Workplace {
         found
     }
 
+    /// Returns those of [`Workplace::files`] whose paths end with `end`.
+    pub fn ending(&self, below: &str, end: &str) -> Vec<String> {
+        let mut files = self.files(below);
+        files.retain(|file| file.ends_with(end));
+        files
+    }
+
+    /// Returns the first file of [`Workplace::ending`]. Panics if there is none.
+    pub fn first_ending(&self, below: &str, end: &str) -> String {
+        let first = self.ending(below, end).into_iter().next();
+        first.unwrap_or_else(|| panic!("no {end} in {:?}", self.files(below)))
+    }
+
     fn relative(&self, path: &Path) -> String {
         path.strip_prefix(self.dir.path())
             .unwrap()
@@ -193,10 +206,7 @@ impl Workplace {
 
     /// Returns every `done.json` of the experiments in `out` with the time it was written.
     pub fn finished(&self) -> Vec<(String, std::time::SystemTime)> {
-        let done = self
-            .files("out")
-            .into_iter()
-            .filter(|f| f.ends_with("/done.json"));
+        let done = self.ending("out", "/done.json").into_iter();
         done.map(|f| {
             (
                 f.clone(),
