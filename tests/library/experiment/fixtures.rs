@@ -13,7 +13,6 @@ use lumbre_light::scene::desc::{CameraDesc, EntityDesc, MaterialDesc, Optics, Sh
 use lumbre_light::scene::{Note, SceneDesc, SceneError};
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
-use lumbre_metrics::tonemap::Tonemap;
 use lumbre_night::experiment::event::{FinishedRun, History, SaveState};
 use lumbre_night::experiment::hook_error::HookError;
 use lumbre_night::experiment::noise_floor::HalfImages;
@@ -22,7 +21,7 @@ use lumbre_night::experiment::plan::{LoadedScene, expand};
 use lumbre_night::experiment::run::{Open, Seams, run_with};
 use lumbre_night::experiment::run_progress::{Checkpoint, Claim, RunProgress};
 use lumbre_night::experiment::shards::WorkUnit;
-use lumbre_night::experiment::spec::{Axis, MeasureSpec, ReferenceRequest, Snapshots};
+use lumbre_night::experiment::spec::{Axis, MeasureSpec, ReferenceRequest};
 use lumbre_night::experiment::{
     CellRef, Event, ExperimentSpec, NightControls, NightSummary, Outcome, Overrides, Plan,
     PlanError, Point, RunError, RunId, ScriptHooks, Sink, SinkError, StopRule, WaveRow,
@@ -153,20 +152,11 @@ fn spec() -> ExperimentSpec {
         script_file: "lab.lua".into(),
         script_text: "-- lab".into(),
         script_hash: [5; 32],
-        axes: Vec::new(),
-        skips: Vec::new(),
         measure: MeasureSpec {
             every_s: 1e6,
-            metrics: Vec::new(),
-            snapshots: Snapshots::Last,
-            captures: false,
-            display: Tonemap::Srgb { exposure: 0.0 },
+            ..MeasureSpec::default()
         },
-        night: Default::default(),
-        aa_check: false,
-        figures: Vec::new(),
-        tables: Vec::new(),
-        report: Default::default(),
+        ..ExperimentSpec::default()
     }
 }
 

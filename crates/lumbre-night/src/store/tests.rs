@@ -15,13 +15,12 @@ use crate::experiment::event::History;
 use crate::experiment::night::run::RunState;
 use crate::experiment::plan::{Cell, CellIdentity, Reference, ReferenceSource};
 use crate::experiment::run_progress::Claim;
-use crate::experiment::spec::{MeasureSpec, Snapshots};
+use crate::experiment::spec::MeasureSpec;
 use crate::experiment::{CellRef, Outcome, Plan, RunId, StopRule, WaveRow};
 use lumbre_light::film::Image;
 use lumbre_light::scene::SceneDesc;
 use lumbre_light::scene::desc::{CameraDesc, Optics};
 use lumbre_light::value::Value;
-use lumbre_metrics::tonemap::Tonemap;
 use lumbre_render::Settings;
 
 pub(super) fn decode(bytes: &[u8]) -> Result<Image, String> {
@@ -82,12 +81,9 @@ pub(super) fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
         shard_samples: None,
     };
     Plan {
-        commands: Vec::new(),
-        commands_allowed: false,
         name: name.into(),
         hash: hash.into(),
         seed: 1,
-        settings: Vec::new(),
         axes: vec!["depth".into()],
         cells: ids.iter().enumerate().map(cell).collect(),
         references: vec![Reference {
@@ -96,22 +92,12 @@ pub(super) fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
             identity: Value::Nil,
             bias_check: None,
         }],
-        skipped: vec![],
-        notes: vec![],
-        warnings: vec![],
         measure: MeasureSpec {
             every_s: 1.0,
-            metrics: vec![],
-            snapshots: Snapshots::Last,
-            captures: false,
-            display: Tonemap::Srgb { exposure: 0.0 },
+            ..MeasureSpec::default()
         },
-        night: Default::default(),
-        figures: vec![],
-        tables: vec![],
-        report: Default::default(),
         script_text: "-- a script\n".into(),
-        files: Default::default(),
+        ..Plan::default()
     }
 }
 

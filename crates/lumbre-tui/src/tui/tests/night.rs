@@ -13,7 +13,6 @@ use lumbre_light::scene::desc::{CameraDesc, Optics};
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
-use lumbre_metrics::tonemap::Tonemap;
 use lumbre_night::experiment::outcome::Level;
 use lumbre_night::experiment::plan::{CellIdentity, Reference, ReferenceSource, Skipped};
 use lumbre_night::experiment::spec::{MeasureSpec, Snapshots};
@@ -97,12 +96,9 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
         ("range".to_owned(), Value::Int(1)),
     ]);
     Plan {
-        commands: Vec::new(),
-        commands_allowed: false,
         name: "first_light".to_owned(),
         hash: "3f9a2b1c00".to_owned(),
         seed: 1,
-        settings: Vec::new(),
         axes: vec!["depth".to_owned(), "aa".to_owned()],
         cells,
         references: vec![Reference {
@@ -123,25 +119,16 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
             reason: "black".to_owned(),
             absent: false,
         }],
-        notes: Vec::new(),
-        warnings: Vec::new(),
         measure: MeasureSpec {
-            every_s: 0.5,
             metrics: vec![
                 metric("rmse"),
                 MetricSpec::new("ssim", "ssim", ssim).unwrap(),
                 metric("psnr"),
             ],
             snapshots: Snapshots::Pow2,
-            captures: false,
-            display: Tonemap::Srgb { exposure: 0.0 },
+            ..MeasureSpec::default()
         },
-        night: Default::default(),
-        figures: Vec::new(),
-        tables: Vec::new(),
-        report: Default::default(),
-        script_text: String::new(),
-        files: Default::default(),
+        ..Plan::default()
     }
 }
 
