@@ -13,8 +13,7 @@ use super::{Check, VerifyRequest};
 use lumbre_light::film::Image;
 use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{
-    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, Model, Optics,
-    SceneDesc,
+    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, Model, SceneDesc,
 };
 use lumbre_light::scene::simple::{ball, lambert, quad, quads, room};
 
@@ -288,12 +287,7 @@ fn scene(
     SceneDesc {
         resolution: [1, 1],
         max_depth: 1,
-        camera: CameraDesc {
-            position,
-            target,
-            optics: Optics::pinhole(fov_deg),
-            ..CameraDesc::default()
-        },
+        camera: CameraDesc::pinhole(position, target, fov_deg),
         materials: materials.into(),
         entities: entities.into(),
         ..SceneDesc::default()
