@@ -14,7 +14,7 @@ use lumbre_light::scene::compile::{
     Cone, DirectionalLight, Emitter, Environment, Interface, MaskMode, Material, Model, NONE,
     PointLight, Sphere, Texture, TriangleAttributes, UvMap,
 };
-use lumbre_light::scene::desc::{CameraDesc, ConeDesc, Optics};
+use lumbre_light::scene::desc::{CameraDesc, ConeDesc};
 use lumbre_light::transport::integrator::{IntegratorRow, integrator};
 use lumbre_light::transport::time_settings::Timing;
 use lumbre_light::value::Value;
@@ -87,12 +87,7 @@ pub struct SceneBuilder {
 impl SceneBuilder {
     /// Returns an empty scene seen from `position` towards `target`.
     pub fn new(position: Vec3, target: Vec3, fov_deg: f32) -> SceneBuilder {
-        let camera = CameraDesc {
-            position,
-            target,
-            optics: Optics::pinhole(fov_deg),
-            ..CameraDesc::default()
-        };
+        let camera = CameraDesc::pinhole(position, target, fov_deg);
         SceneBuilder {
             scene: CompiledScene {
                 camera,

@@ -189,18 +189,13 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use lumbre_light::scene::desc::{CameraDesc, Optics};
+    use lumbre_light::scene::desc::CameraDesc;
     use lumbre_light::transport::integrator::INTEGRATORS;
 
     fn scene() -> Arc<CompiledScene> {
         Arc::new(CompiledScene {
             content_hash: [7; 32],
-            camera: CameraDesc {
-                position: Vec3::Z,
-                target: Vec3::ZERO,
-                optics: Optics::pinhole(40.0),
-                ..CameraDesc::default()
-            },
+            camera: CameraDesc::pinhole(Vec3::Z, Vec3::ZERO, 40.0),
             resolution: [24, 16],
             max_depth: 5,
             ..CompiledScene::default()

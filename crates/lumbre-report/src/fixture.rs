@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use lumbre_light::scene::SceneDesc;
-use lumbre_light::scene::desc::{CameraDesc, Optics};
+use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
 use lumbre_night::experiment::plan::{Cell, CellIdentity, Plan, RunId};
@@ -66,12 +66,7 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
         .iter()
         .map(|(axis, v)| format!("{axis}={v}"))
         .collect();
-    let camera = CameraDesc {
-        position: Vec3::ZERO,
-        target: Vec3::Z,
-        optics: Optics::pinhole(60.0),
-        ..CameraDesc::default()
-    };
+    let camera = CameraDesc::pinhole(Vec3::ZERO, Vec3::Z, 60.0);
     Cell {
         id: RunId(format!("run{index:02}")),
         first: index,

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use glam::Vec3;
 use lumbre_light::film::{Film, Image};
-use lumbre_light::scene::desc::{CameraDesc, EntityDesc, MaterialDesc, Optics, ShapeDesc};
+use lumbre_light::scene::desc::{CameraDesc, EntityDesc, MaterialDesc, ShapeDesc};
 use lumbre_light::scene::{Note, SceneDesc, SceneError};
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
@@ -186,14 +186,7 @@ pub fn load_scene(file: &Path) -> LoadedScene {
     let scene = SceneDesc {
         resolution: [32, 16],
         max_depth: 7,
-        camera: CameraDesc {
-            position: Vec3::new(0.0, 0.0, 4.0),
-            target: Vec3::ZERO,
-            up: Vec3::Y,
-            optics: Optics::pinhole(40.0),
-            focus_distance: None,
-            ..CameraDesc::default()
-        },
+        camera: CameraDesc::pinhole(Vec3::new(0.0, 0.0, 4.0), Vec3::ZERO, 40.0),
         materials: vec![egg].into(),
         entities: vec![EntityDesc {
             material: Some("egg".into()),

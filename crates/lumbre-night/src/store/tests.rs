@@ -19,7 +19,7 @@ use crate::experiment::spec::MeasureSpec;
 use crate::experiment::{CellRef, Outcome, Plan, RunId, StopRule, WaveRow};
 use lumbre_light::film::Image;
 use lumbre_light::scene::SceneDesc;
-use lumbre_light::scene::desc::{CameraDesc, Optics};
+use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::value::Value;
 use lumbre_render::Settings;
 
@@ -42,12 +42,7 @@ fn config() -> Arc<Settings> {
 }
 
 fn scene() -> Arc<SceneDesc> {
-    let camera = CameraDesc {
-        position: Vec3::Z,
-        target: Vec3::ZERO,
-        optics: Optics::pinhole(40.0),
-        ..CameraDesc::default()
-    };
+    let camera = CameraDesc::pinhole(Vec3::Z, Vec3::ZERO, 40.0);
     Arc::new(SceneDesc {
         resolution: [8, 8],
         max_depth: 5,

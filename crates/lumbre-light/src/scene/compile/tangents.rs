@@ -105,7 +105,7 @@ mod tests {
 
     use crate::scene::compile;
     use crate::scene::desc::{
-        CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, mesh_hash,
+        CameraDesc, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, mesh_hash,
     };
 
     fn scene(uvs: Vec<Vec2>, anisotropic: f32) -> SceneDesc {
@@ -122,12 +122,7 @@ mod tests {
         SceneDesc {
             resolution: [4, 4],
             max_depth: 2,
-            camera: CameraDesc {
-                position: Vec3::Z,
-                target: Vec3::ZERO,
-                optics: Optics::pinhole(40.0),
-                ..CameraDesc::default()
-            },
+            camera: CameraDesc::pinhole(Vec3::Z, Vec3::ZERO, 40.0),
             materials: vec![MaterialDesc {
                 anisotropic,
                 ..MaterialDesc::new("m")

@@ -9,8 +9,8 @@ use lumbre_light::math::warp::uniform_sphere;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{NONE, Sharing, compile_sharing};
 use lumbre_light::scene::desc::{
-    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, Optics,
-    SceneDesc, ShapeDesc, TextureDesc, TextureSlot, Transform, mesh_hash,
+    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, SceneDesc,
+    ShapeDesc, TextureDesc, TextureSlot, Transform, mesh_hash,
 };
 use lumbre_light::transport::ray::{Hit, Ray};
 use lumbre_light::transport::surface::Surface;
@@ -111,14 +111,7 @@ pub fn desc(materials: Vec<MaterialDesc>, entities: Vec<EntityDesc>) -> SceneDes
     SceneDesc {
         resolution: [32, 24],
         max_depth: 4,
-        camera: CameraDesc {
-            position: Vec3::new(0.0, 1.0, 9.0),
-            target: Vec3::ZERO,
-            up: Vec3::Y,
-            optics: Optics::pinhole(45.0),
-            focus_distance: None,
-            ..CameraDesc::default()
-        },
+        camera: CameraDesc::pinhole(Vec3::new(0.0, 1.0, 9.0), Vec3::ZERO, 45.0),
         materials: materials.into(),
         entities: entities.into(),
         ..SceneDesc::default()

@@ -8,8 +8,8 @@ use glam::{Mat2, Vec2, Vec3, Vec4};
 use lumbre_light::film::Film;
 use lumbre_light::scene::compile::{MaskMode, Material, NONE, Texture, UvMap};
 use lumbre_light::scene::desc::{
-    CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Texels,
-    TextureDesc, TextureSlot, mesh_hash, texture_hash,
+    CameraDesc, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Texels, TextureDesc,
+    TextureSlot, mesh_hash, texture_hash,
 };
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::integrator;
@@ -68,12 +68,7 @@ pub fn mesh_with_second_uvs(
         ..MeshDesc::default()
     };
     mesh.content_hash = mesh_hash(&mesh);
-    let camera = CameraDesc {
-        position: Vec3::Z * 3.0,
-        target: Vec3::ZERO,
-        optics: Optics::pinhole(40.0),
-        ..CameraDesc::default()
-    };
+    let camera = CameraDesc::pinhole(Vec3::Z * 3.0, Vec3::ZERO, 40.0);
     let entity = EntityDesc::new("e", ShapeDesc::Mesh(Arc::new(mesh)));
     let desc = SceneDesc {
         resolution: [8, 8],

@@ -9,7 +9,7 @@ use glam::Vec3;
 use crate::tui::model::night::NightModel;
 use lumbre_light::film::{Image, SharedImage};
 use lumbre_light::scene::SceneDesc;
-use lumbre_light::scene::desc::{CameraDesc, Optics};
+use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
@@ -27,12 +27,7 @@ fn scene() -> SceneDesc {
     SceneDesc {
         resolution: [512, 512],
         max_depth: 5,
-        camera: CameraDesc {
-            position: Vec3::Z,
-            target: Vec3::ZERO,
-            optics: Optics::pinhole(40.0),
-            ..CameraDesc::default()
-        },
+        camera: CameraDesc::pinhole(Vec3::Z, Vec3::ZERO, 40.0),
         ..SceneDesc::default()
     }
 }
