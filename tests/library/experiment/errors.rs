@@ -13,11 +13,7 @@ fn refusal(lab: &Lab) -> String {
 
 fn refusal_of(change: impl Fn(&mut lumbre_render::Settings) + 'static) -> String {
     let mut lab = Lab::new().axis("depth", ints([3]));
-    lab.render = Box::new(move |_| {
-        let mut config = config();
-        change(&mut config);
-        Ok(config)
-    });
+    lab.configure(move |_, config| change(config));
     refusal(&lab)
 }
 

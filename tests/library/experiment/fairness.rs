@@ -27,11 +27,9 @@ fn lab(order: Order) -> Lab {
         .axis("technique", ["bpt", "nee", "bdpt"]);
     lab.spec.night.order = order;
     lab.spec.measure.every_s = 0.4;
-    lab.render = Box::new(|p| {
-        let mut config = config();
+    lab.configure(|p, config| {
         config.integrator = at(p, "technique").as_str().unwrap_or_default().to_owned();
         config.max_depth = Some(whole_at(p, "depth"));
-        Ok(config)
     });
     lab.stop = Box::new(|_| Ok(StopRule::Samples(400)));
     lab
@@ -187,12 +185,10 @@ fn only_techniques_differ_within_an_interleave_group() {
     let groups = |change: Change| {
         let mut lab = Lab::new().axis("changed", ints([0, 1]));
         lab.spec.night.order = Order::Interleave;
-        lab.render = Box::new(move |p| {
-            let mut config = config();
+        lab.configure(move |p, config| {
             if whole_at(p, "changed") == 1 {
-                change(&mut config);
+                change(config);
             }
-            Ok(config)
         });
         lab.plan().interleave_groups(false)
     };

@@ -111,6 +111,15 @@ impl Lab {
         self
     }
 
+    /// Renders every point with [`config`] after a change.
+    pub fn configure(&mut self, change: impl Fn(&Point, &mut Settings) + 'static) {
+        self.render = Box::new(move |point| {
+            let mut config = config();
+            change(point, &mut config);
+            Ok(config)
+        });
+    }
+
     /// Measures RMSE against a reference of 4096 samples of the same configuration.
     pub fn measured(mut self) -> Lab {
         self.spec.measure.metrics = vec![MetricSpec::new("rmse", "rmse", BTreeMap::new()).unwrap()];
@@ -202,12 +211,7 @@ pub fn load_scene(file: &Path) -> LoadedScene {
 /// Returns an experiment with a cell for each depth, so that points render different pictures.
 pub fn depths(values: impl IntoIterator<Item = i64>) -> Lab {
     let mut lab = Lab::new().axis("depth", values.into_iter().map(Value::Int));
-    lab.render = Box::new(|p| {
-        Ok(Settings {
-            max_depth: Some(whole_at(p, "depth")),
-            ..config()
-        })
-    });
+    lab.configure(|p, config| config.max_depth = Some(whole_at(p, "depth")));
     lab
 }
 

@@ -376,11 +376,7 @@ fn a_cell_without_a_reference_does_not_depend_on_metrics() {
 fn the_hash_of_a_plan_depends_on_its_name_cells_figures_and_tables() {
     let lab = || {
         let mut lab = Lab::new().axis("depth", ints([3, 5]));
-        lab.render = Box::new(|p| {
-            let mut config = config();
-            config.max_depth = at(p, "depth").as_i64().map(|d| d as u32);
-            Ok(config)
-        });
+        lab.configure(|p, config| config.max_depth = at(p, "depth").as_i64().map(|d| d as u32));
         lab
     };
     let table = || TableSpec {

@@ -12,7 +12,7 @@ use lumbre_night::experiment::{CellRef, NightSummary, Outcome};
 use lumbre_render::mock::MockRenderer;
 use lumbre_render::{RenderError, Renderer};
 
-use crate::experiment::fixtures::{Lab, Memory, Night, Recorder, Wrapped, config, outcomes};
+use crate::experiment::fixtures::{Lab, Memory, Night, Recorder, Wrapped, outcomes};
 
 /// Renders a night whose device is lost after each of these numbers of waves, counted from the
 /// previous loss.
@@ -118,11 +118,7 @@ fn another_backend_takes_over_only_if_the_script_leaves_the_choice_open() {
     };
     let lab = |fallback| {
         let mut lab = Lab::new();
-        lab.render = Box::new(move |_| {
-            let mut config = config();
-            config.fallback = fallback;
-            Ok(config)
-        });
+        lab.configure(move |_, config| config.fallback = fallback);
         lab
     };
     let (strict, _) = run_night(&lab(None), &open);

@@ -469,15 +469,13 @@ fn a_reference_from_a_file_is_read_through_the_history() {
 #[test]
 fn a_renderer_receives_the_job_of_its_cell() {
     let mut lab = Lab::new();
-    lab.render = Box::new(|_| {
-        let mut config = config();
+    lab.configure(|_, config| {
         config.rr_start = Some(4);
         config.filter.radius = 0.75;
         config.sampler = "sobol".to_owned();
         config.params.insert("x".into(), Value::Int(1));
         config.resolution = None;
         config.max_depth = None;
-        Ok(config)
     });
     let jobs = RefCell::new(Vec::new());
     let open: run::Open<'_> = &|name, scene, job| {
