@@ -9,16 +9,13 @@ use glam::Vec3;
 
 use super::picture::{NoisyPicture, Setting, confirmed, judge, render};
 use super::technique::{self, Technique};
-use super::{Check, VerifyRequest};
+use super::{Check, SeedFamily, VerifyRequest};
 use lumbre_light::film::Image;
 use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{
     CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, Model, SceneDesc,
 };
 use lumbre_light::scene::simple::{ball, lambert, quad, quads, room};
-
-/// Identifies the seeds of these checks.
-const SEED_FAMILY: u64 = 1;
 
 /// A scene with known radiance.
 pub(super) struct KnownScene {
@@ -65,7 +62,7 @@ pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
                 resolution: [side; 2],
                 max_depth: case.max_depth,
                 samples: case.samples,
-                seed: request.seed(SEED_FAMILY, seeds),
+                seed: request.seed(SeedFamily::Analytic, seeds),
                 threads: request.threads,
                 ..Setting::PLAIN
             };

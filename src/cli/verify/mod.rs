@@ -24,6 +24,7 @@ use std::time::Instant;
 use super::args::{Global, VerifyArgs};
 use super::exit::{Exit, Failure, print_result, print_status};
 use super::format::duration;
+use check::SeedFamily;
 pub use check::{Check, Outcome, SIGNIFICANCE, Verdict, VerifyRequest};
 use report::VerifyReport;
 

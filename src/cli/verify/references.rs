@@ -21,7 +21,7 @@ use serde_json::json;
 
 use super::picture::{Judgement, NoisyPicture, Setting, confirmed, judge, render};
 use super::technique::{self, Technique};
-use super::{Check, Outcome, Verdict, VerifyRequest};
+use super::{Check, Outcome, SeedFamily, Verdict, VerifyRequest};
 use crate::cli::night::load;
 use lumbre_light::film::Image;
 use lumbre_light::math::stats::{normal_two_sided_p, sidak};
@@ -42,9 +42,6 @@ const GLASS_FACTOR: u64 = 4;
 
 /// Smallest number of samples per pixel, used for the largest pictures.
 const MIN_SAMPLES: u64 = 2;
-
-/// Identifies the seeds of these checks.
-const SEED_FAMILY: u64 = 3;
 
 /// Side of a block in pixels.
 const BLOCK: u32 = 20;
@@ -138,7 +135,8 @@ pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
                     (paths / reference.picture.mean.data.len().max(1) as u64).max(MIN_SAMPLES);
                 for technique in technique::plain() {
                     seeds += 1;
-                    let (seed, threads) = (request.seed(SEED_FAMILY, seeds), request.threads);
+                    let (seed, threads) =
+                        (request.seed(SeedFamily::Reference, seeds), request.threads);
                     let compared =
                         format!("{technique} with {} surfaces", reference.surfaces.name());
                     let reference = Arc::clone(&reference);
