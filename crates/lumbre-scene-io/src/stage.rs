@@ -74,12 +74,7 @@ pub fn set_up(scene: &mut SceneDesc, stage: Stage) {
 }
 
 fn constant_environment(radiance: f32) -> EnvironmentDesc {
-    EnvironmentDesc {
-        source: EnvironmentSource::Color(Vec3::splat(radiance)),
-        rotation_deg: 0.0,
-        scale: 1.0,
-        sampling: Default::default(),
-    }
+    EnvironmentDesc::new(EnvironmentSource::Color(Vec3::splat(radiance)))
 }
 
 /// Returns a camera that looks at a box from the front, the right and above, at the distance at

@@ -228,12 +228,8 @@ fn ball_under_radiance(material: MaterialDesc, radiance: f32) -> SceneDesc {
         vec![material],
         vec![ball("ball", Vec3::ZERO, 1.0)],
     );
-    scene.environment = Some(EnvironmentDesc {
-        source: EnvironmentSource::Color(Vec3::splat(radiance)),
-        rotation_deg: 0.0,
-        scale: 1.0,
-        sampling: Default::default(),
-    });
+    let source = EnvironmentSource::Color(Vec3::splat(radiance));
+    scene.environment = Some(EnvironmentDesc::new(source));
     scene
 }
 
