@@ -371,12 +371,7 @@ mod tests {
                 })
                 .to_vec();
             let source = EnvironmentSource::Color(Vec3::ONE);
-            s.environment = Some(EnvironmentDesc {
-                source,
-                rotation_deg: 0.0,
-                scale: 1.0,
-                sampling: Default::default(),
-            });
+            s.environment = Some(EnvironmentDesc::new(source));
             s
         };
         let changes: [fn(&mut SceneDesc); 9] = [

@@ -396,12 +396,9 @@ fn difference(a: &Film, b: &Film) -> f64 {
 #[test]
 fn pictures_of_instances_equal_those_of_the_flattened_scene() {
     let lit = SceneDesc {
-        environment: Some(EnvironmentDesc {
-            source: EnvironmentSource::Color(Vec3::splat(0.2)),
-            rotation_deg: 0.0,
-            scale: 1.0,
-            sampling: Default::default(),
-        }),
+        environment: Some(EnvironmentDesc::new(EnvironmentSource::Color(Vec3::splat(
+            0.2,
+        )))),
         ..mixed_scene(50, 60)
     };
     let scene = compile_shared(&lit);

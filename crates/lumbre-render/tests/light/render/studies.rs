@@ -243,10 +243,8 @@ fn octahedra(mesh: Arc<MeshDesc>, kind: ShadingNormals, maps: bool, count: u32) 
         materials: vec![first, MaterialDesc::new("other")].into(),
         entities: (0..count).map(entity).collect(),
         environment: Some(EnvironmentDesc {
-            source: EnvironmentSource::Color(Vec3::ONE),
-            rotation_deg: 0.0,
-            scale: 1.0,
             sampling: EnvironmentSampling::Luminance,
+            ..EnvironmentDesc::new(EnvironmentSource::Color(Vec3::ONE))
         }),
         ..SceneDesc::default()
     }
