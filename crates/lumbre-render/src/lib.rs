@@ -113,6 +113,12 @@ impl Job {
         }
     }
 
+    /// Returns the job with this number of threads; 0 means one for each core.
+    #[must_use]
+    pub fn on_threads(self, threads: usize) -> Job {
+        Job { threads, ..self }
+    }
+
     /// Returns the job with changed settings.
     #[must_use]
     pub fn with(mut self, change: impl FnOnce(&mut Settings)) -> Job {

@@ -203,10 +203,7 @@ mod tests {
     }
 
     fn job(seed: u64) -> Job {
-        Job {
-            threads: 1,
-            ..Job::plain(&INTEGRATORS[0], [24, 16], 5, seed)
-        }
+        Job::plain(&INTEGRATORS[0], [24, 16], 5, seed).on_threads(1)
     }
 
     fn film_of(seed: u64, waves: &[u64]) -> Film {

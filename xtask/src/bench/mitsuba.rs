@@ -142,10 +142,7 @@ fn measure_scene(
     let scene = compile(&desc).map_err(|e| e.to_string())?.0;
     let nee = INTEGRATORS.iter().find(|row| row.name == "nee");
     let nee = nee.ok_or("no integrator `nee`")?;
-    let job = Job {
-        threads: 1,
-        ..Job::plain(nee, [SIDE; 2], MAX_DEPTH, 1)
-    };
+    let job = Job::plain(nee, [SIDE; 2], MAX_DEPTH, 1).on_threads(1);
     let cpu = backend("cpu").ok_or("no cpu backend")?;
     let mut renderer = (cpu.open)(Arc::new(scene), job).map_err(|e| e.to_string())?;
     let mut ours = |samples| advance(renderer.as_mut(), samples);

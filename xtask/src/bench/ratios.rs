@@ -261,10 +261,7 @@ impl SharedWrites {
         row: &'static IntegratorRow,
     ) -> Result<SharedWrites, String> {
         let writes = |threads: usize| {
-            let job = Job {
-                threads,
-                ..Job::plain(row, scene.resolution, scene.max_depth, 1)
-            };
+            let job = Job::plain(row, scene.resolution, scene.max_depth, 1).on_threads(threads);
             let mut renderer =
                 CpuRenderer::new(Arc::clone(scene), job).map_err(|e| e.to_string())?;
             let wave = renderer.advance(WAVE).map_err(|e| e.to_string())?;
@@ -368,10 +365,7 @@ fn open(
     row: &'static IntegratorRow,
     threads: usize,
 ) -> Result<Box<dyn Renderer>, String> {
-    let job = Job {
-        threads,
-        ..Job::plain(row, scene.resolution, scene.max_depth, 1)
-    };
+    let job = Job::plain(row, scene.resolution, scene.max_depth, 1).on_threads(threads);
     let cpu = backend("cpu").ok_or("no cpu backend")?;
     let mut renderer = (cpu.open)(Arc::clone(scene), job).map_err(|e| e.to_string())?;
     renderer.advance(1).map_err(|e| e.to_string())?;

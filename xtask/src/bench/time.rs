@@ -151,11 +151,7 @@ fn open(
         lanes: variant.lanes,
         ..plain.settings.accel
     };
-    let job = Job {
-        threads: 1,
-        ..plain
-    }
-    .with(|settings| {
+    let job = plain.on_threads(1).with(|settings| {
         settings.timing = variant.film.then_some(timing);
         settings.accel = accel;
     });

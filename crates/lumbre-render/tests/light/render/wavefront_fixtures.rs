@@ -303,11 +303,9 @@ pub fn nee_job(resolution: [u32; 2], max_depth: u32) -> Job {
         lanes: LaneMode::Always,
         ..AccelSpec::default()
     };
-    Job {
-        threads: 1,
-        ..Job::plain(integrator("nee").unwrap(), resolution, max_depth, 5)
-    }
-    .with(|settings| settings.accel = accel)
+    Job::plain(integrator("nee").unwrap(), resolution, max_depth, 5)
+        .on_threads(1)
+        .with(|settings| settings.accel = accel)
 }
 
 /// Returns the job with `bpt`, which makes no connections.

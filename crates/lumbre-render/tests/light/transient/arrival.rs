@@ -134,10 +134,7 @@ fn slots_sum_to_the_film_and_have_the_same_bits_for_any_threads_waves_and_checkp
                 filter,
                 ..timing(3.0, 0.25, 30)
             };
-            let job = Job {
-                threads: 1,
-                ..timed_job(row.name, timing, [10, 8], 5, 3)
-            };
+            let job = timed_job(row.name, timing, [10, 8], 5, 3).on_threads(1);
             let whole = render_waves(&scene, job.clone(), &[9]);
             let all = whole.times().unwrap();
             assert_eq!(all.steady(), whole.film().mean(), "{}", row.name);
@@ -152,14 +149,7 @@ fn slots_sum_to_the_film_and_have_the_same_bits_for_any_threads_waves_and_checkp
             );
             assert!(all.sum.iter().any(|s| s[0] > 0.0) && all.slots(5, 5).len() == 32);
             for (threads, waves) in [(3, &[9u64][..]), (2, &[1, 2, 4, 2])] {
-                let other = render_waves(
-                    &scene,
-                    Job {
-                        threads,
-                        ..job.clone()
-                    },
-                    waves,
-                );
+                let other = render_waves(&scene, job.clone().on_threads(threads), waves);
                 assert!(
                     other.times().unwrap() == all,
                     "{}: {threads} threads, waves {waves:?}",
