@@ -2,6 +2,7 @@
 //! vectors, and statistical tests.
 
 /// Implements force-inlined methods whose body is one expression.
+#[macro_export]
 macro_rules! inlined {
     ($($name:ident $(<const $n:ident: $word:ty>)? ($($arg:tt)*) -> $out:ty = $body:expr;)*) => {$(
         #[inline(always)]

@@ -140,49 +140,19 @@ impl Simd8 for Portable {
         let ([a, b, c, d], [e, f, g, h]) = (self.0[0].to_array(), self.0[1].to_array());
         LaneArray([a, b, c, d, e, f, g, h])
     }
-    #[inline(always)]
-    fn splat(x: f32) -> Portable {
-        Portable([Vec4::splat(x); 2])
-    }
-    #[inline(always)]
-    fn add(self, other: Portable) -> Portable {
-        self.zip_halves(other, |a, b| a + b)
-    }
-    #[inline(always)]
-    fn sub(self, other: Portable) -> Portable {
-        self.zip_halves(other, |a, b| a - b)
-    }
-    #[inline(always)]
-    fn mul(self, other: Portable) -> Portable {
-        self.zip_halves(other, |a, b| a * b)
-    }
-    #[inline(always)]
-    fn mul_add(self, factor: Portable, offset: Portable) -> Portable {
-        self.mul(factor).add(offset)
-    }
-    #[inline(always)]
-    fn div(self, other: Portable) -> Portable {
-        self.zip_halves(other, |a, b| a / b)
-    }
-    #[inline(always)]
-    fn min(self, other: Portable) -> Portable {
-        self.zip_halves(other, Vec4::min)
-    }
-    #[inline(always)]
-    fn max(self, other: Portable) -> Portable {
-        self.zip_halves(other, Vec4::max)
-    }
-    #[inline(always)]
-    fn lt(self, other: Portable) -> u32 {
-        self.compare_halves(other, Vec4::cmplt)
-    }
-    #[inline(always)]
-    fn le(self, other: Portable) -> u32 {
-        self.compare_halves(other, Vec4::cmple)
-    }
-    #[inline(always)]
-    fn eq(self, other: Portable) -> u32 {
-        self.compare_halves(other, Vec4::cmpeq)
+    lumbre_light::inlined! {
+        splat(x: f32) -> Portable = Portable([Vec4::splat(x); 2]);
+        add(self, other: Portable) -> Portable = self.zip_halves(other, |a, b| a + b);
+        sub(self, other: Portable) -> Portable = self.zip_halves(other, |a, b| a - b);
+        mul(self, other: Portable) -> Portable = self.zip_halves(other, |a, b| a * b);
+        mul_add(self, factor: Portable, offset: Portable) -> Portable =
+            self.mul(factor).add(offset);
+        div(self, other: Portable) -> Portable = self.zip_halves(other, |a, b| a / b);
+        min(self, other: Portable) -> Portable = self.zip_halves(other, Vec4::min);
+        max(self, other: Portable) -> Portable = self.zip_halves(other, Vec4::max);
+        lt(self, other: Portable) -> u32 = self.compare_halves(other, Vec4::cmplt);
+        le(self, other: Portable) -> u32 = self.compare_halves(other, Vec4::cmple);
+        eq(self, other: Portable) -> u32 = self.compare_halves(other, Vec4::cmpeq);
     }
 }
 
