@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use super::night::BALL;
 use lumbre_night::experiment::memory;
+use lumbre_night::paths::name;
 
 /// Number of cells of the night.
 const CELLS: usize = 400;
@@ -126,7 +127,7 @@ fn most_files(folder: &Path) -> usize {
         .collect();
     let own = entries
         .iter()
-        .filter(|path| path.is_file() && !name_of(path).starts_with("snap-"));
+        .filter(|path| path.is_file() && !name(path).starts_with("snap-"));
     let own = if folder.join("done.json").is_file() {
         own.count()
     } else {
@@ -140,11 +141,4 @@ fn most_files(folder: &Path) -> usize {
         .max()
         .unwrap_or(0)
         .max(own)
-}
-
-fn name_of(path: &Path) -> String {
-    path.file_name()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned()
 }
