@@ -332,6 +332,22 @@ pub fn repository() -> PathBuf {
     root.unwrap().to_owned()
 }
 
+/// Returns the files below a folder, sorted. The folder may be a link; links below are not followed.
+pub fn files_below(folder: &Path) -> Vec<PathBuf> {
+    let (mut open, mut found) = (vec![folder.to_owned()], Vec::new());
+    while let Some(next) = open.pop() {
+        for entry in std::fs::read_dir(next).into_iter().flatten().flatten() {
+            if entry.file_type().unwrap().is_dir() {
+                open.push(entry.path());
+            } else {
+                found.push(entry.path());
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
 /// Returns the folder of shared third-party scenes and references, if there is one:
 /// `LUMBRE_SHARED`, or `shared` beside this checkout.
 pub fn shared() -> Option<PathBuf> {

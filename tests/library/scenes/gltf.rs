@@ -503,7 +503,7 @@ fn third_party_assets_load_and_have_light() {
     };
     let mut files = Vec::new();
     for extension in ["gltf", "glb"] {
-        super::third_party::files_below(&root, extension, &mut files);
+        files.extend(super::third_party::files_below(&root, extension));
     }
     assert!(files.len() >= 7, "{files:?}");
     for file in files {
