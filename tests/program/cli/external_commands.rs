@@ -82,12 +82,7 @@ pub fn place(script: &str) -> Workplace {
 
 /// Runs the program with temporary files in the folder `tmp` and a configuration of its own.
 pub fn run(place: &Workplace, args: &[&str]) -> ProgramOutput {
-    let output = command(place, args).output().unwrap();
-    ProgramOutput {
-        status: output.status.code().unwrap_or(-1),
-        stdout: String::from_utf8(output.stdout).unwrap(),
-        stderr: String::from_utf8(output.stderr).unwrap(),
-    }
+    ProgramOutput::run(&mut command(place, args))
 }
 
 fn command(place: &Workplace, args: &[&str]) -> Command {
@@ -100,13 +95,7 @@ fn command(place: &Workplace, args: &[&str]) -> Command {
 }
 
 pub fn succeed(place: &Workplace, args: &[&str]) -> ProgramOutput {
-    let ended = run(place, args);
-    assert_eq!(
-        ended.status, 0,
-        "{args:?}\n{}\n{}",
-        ended.stdout, ended.stderr
-    );
-    ended
+    run(place, args).expect(0, args)
 }
 
 /// Returns the reason of the failed cell whose readable path ends so.

@@ -60,13 +60,7 @@ fn compile(place: &Workplace, name: &str, text: &str) -> Option<String> {
 /// Runs the program with libraries.
 fn run(place: &Workplace, libraries: &str, args: &[&str]) -> ProgramOutput {
     let mut command = place.command(args);
-    let output = command.env("LUMBRE_PLUGINS", libraries).output().unwrap();
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    ProgramOutput {
-        status: output.status.code().unwrap_or(-1),
-        stdout: text(&output.stdout),
-        stderr: text(&output.stderr),
-    }
+    ProgramOutput::run(command.env("LUMBRE_PLUGINS", libraries))
 }
 
 #[test]

@@ -93,17 +93,8 @@ fn run(place: &Workplace, words: &[&str], recipe: &str, more: &[String]) -> Prog
     let out = place.path("out");
     let mut command = place.command(words);
     command.current_dir(root()).arg(script).args(more);
-    let output = command
-        .arg("--out")
-        .arg(out)
-        .args(["--backend", "cpu", "-q"])
-        .output()
-        .unwrap();
-    ProgramOutput {
-        status: output.status.code().unwrap_or(-1),
-        stdout: String::from_utf8(output.stdout).unwrap(),
-        stderr: String::from_utf8(output.stderr).unwrap(),
-    }
+    command.arg("--out").arg(out);
+    ProgramOutput::run(command.args(["--backend", "cpu", "-q"]))
 }
 
 /// Runs a recipe at tiny size and checks that it writes the files that its page lists.

@@ -10,13 +10,7 @@ use super::workplace::{ProgramOutput, Workplace};
 /// Runs the program from the root of the repository, with results in the workplace.
 fn run(place: &Workplace, args: &[&str]) -> ProgramOutput {
     let mut command = place.command(args);
-    command.current_dir(env!("CARGO_MANIFEST_DIR"));
-    let output = command.output().unwrap();
-    ProgramOutput {
-        status: output.status.code().unwrap_or(-1),
-        stdout: String::from_utf8(output.stdout).unwrap(),
-        stderr: String::from_utf8(output.stderr).unwrap(),
-    }
+    ProgramOutput::run(command.current_dir(env!("CARGO_MANIFEST_DIR")))
 }
 
 /// Runs a script with small pictures, and returns its tables: the numbers of each row by its labels.
