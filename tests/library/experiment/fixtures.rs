@@ -127,14 +127,7 @@ impl Lab {
         let render = std::rc::Rc::new(render);
         let again = std::rc::Rc::clone(&render);
         self.render = Box::new(move |p| render(p));
-        self.reference = Box::new(move |p| {
-            Ok(Some(ReferenceRequest::Render {
-                config: Box::new(again(p)?),
-                stop: StopRule::Samples(4096),
-                bias_check: None,
-                shards: 1,
-            }))
-        });
+        self.reference = Box::new(move |p| Ok(Some(rendered(again(p)?, StopRule::Samples(4096)))));
         self
     }
 
@@ -213,6 +206,16 @@ pub fn depths(values: impl IntoIterator<Item = i64>) -> Lab {
     let mut lab = Lab::new().axis("depth", values.into_iter().map(Value::Int));
     lab.configure(|p, config| config.max_depth = Some(whole_at(p, "depth")));
     lab
+}
+
+/// Returns the request of a reference that is rendered in one part, without a bias check.
+pub fn rendered(config: Settings, stop: StopRule) -> ReferenceRequest {
+    ReferenceRequest::Render {
+        config: Box::new(config),
+        stop,
+        bias_check: None,
+        shards: 1,
+    }
 }
 
 /// Returns the value of an axis at a point.

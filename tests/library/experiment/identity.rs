@@ -10,14 +10,13 @@ use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
 use lumbre_night::experiment::plan::{Overrides, ReferenceSource};
 use lumbre_night::experiment::spec::{
-    FigureKind, FigureSpec, FigureX, ReferenceRequest, RunColumn, Snapshots, TableFormat,
-    TableSpec, TableValue,
+    FigureKind, FigureSpec, FigureX, RunColumn, Snapshots, TableFormat, TableSpec, TableValue,
 };
 use lumbre_night::experiment::{Plan, StopRule, stop::Comparison};
 use lumbre_render::Settings;
 use lumbre_render::hierarchy::{Builder, Quality};
 
-use crate::experiment::fixtures::{Lab, at, config, ints};
+use crate::experiment::fixtures::{Lab, at, config, ints, rendered};
 
 /// The inputs of a one-cell experiment, each of which a test may change.
 struct Inputs {
@@ -74,13 +73,8 @@ impl Inputs {
         lab.render = Box::new(move |_| Ok(config.clone()));
         lab.stop = Box::new(move |_| Ok(stop.clone()));
         lab.reference = Box::new(move |_| {
-            let config = Box::new(reference_config.clone());
-            Ok(Some(ReferenceRequest::Render {
-                config,
-                stop: reference_stop.clone(),
-                bias_check: None,
-                shards: 1,
-            }))
+            let config = reference_config.clone();
+            Ok(Some(rendered(config, reference_stop.clone())))
         });
         lab.plan()
     }

@@ -15,7 +15,7 @@ use lumbre_render::mock::{MockRenderer, SECONDS_PER_PATH};
 
 use crate::experiment::fixtures::{
     Lab, Memory, Night, Recorder, Wrapped, all_done, config, depths, finished_in, ints, outcomes,
-    whole_at,
+    rendered, whole_at,
 };
 
 const CELL: CellRef = CellRef::Cell(0);
@@ -29,12 +29,7 @@ fn references_come_first_and_then_the_cells_in_order() {
     lab.reference = Box::new(move |p| {
         let mut config = config();
         config.max_depth = Some(whole_at(p, "depth"));
-        Ok(Some(ReferenceRequest::Render {
-            config: Box::new(config),
-            stop: reference_stop.clone(),
-            bias_check: None,
-            shards: 1,
-        }))
+        Ok(Some(rendered(config, reference_stop.clone())))
     });
     let (summary, recorder) = Night::default().record(&lab);
     let cell = |i: usize| {
