@@ -3,9 +3,9 @@
 
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
 
 use super::workplace::{ProgramOutput, Workplace};
+use crate::cluster::night::wait_until;
 
 /// A renderer whose behaviour is its first argument. It writes noise around 0.5.
 const FAKE: &str = r#"
@@ -122,32 +122,18 @@ pub fn no_temporary_files(place: &Workplace) {
 
 /// Waits until a process does not exist. One that was not waited for counts as existing.
 fn wait_for_end(process: &str) {
-    let since = Instant::now();
-    while Path::new("/proc").join(process).exists() {
-        assert!(
-            since.elapsed() < Duration::from_secs(60),
-            "{process} still runs"
-        );
-        std::thread::sleep(Duration::from_millis(10));
-    }
+    let process = Path::new("/proc").join(process);
+    wait_until("the end of a process", || !process.exists());
 }
 
 /// Waits until the fake renderer was started this often, and returns its processes.
 fn wait_for_starts(place: &Workplace, count: usize) -> Vec<String> {
-    let since = Instant::now();
-    loop {
-        let started = std::fs::read_to_string(place.path("started")).unwrap_or_default();
-        let lines: Vec<&str> = started.lines().collect();
-        if lines.len() >= count {
-            let process = |line: &&str| line.split(' ').nth(1).unwrap().to_owned();
-            return lines.iter().map(process).collect();
-        }
-        assert!(
-            since.elapsed() < Duration::from_secs(120),
-            "the renderer was not started"
-        );
-        std::thread::sleep(Duration::from_millis(10));
-    }
+    let started = || std::fs::read_to_string(place.path("started")).unwrap_or_default();
+    wait_until("the start of the renderer", || {
+        started().lines().count() >= count
+    });
+    let process = |line: &str| line.split(' ').nth(1).unwrap().to_owned();
+    started().lines().map(process).collect()
 }
 
 #[test]
@@ -264,14 +250,7 @@ fn a_program_that_hangs_or_is_missing_fails_and_leaves_no_process() {
             let signalled = kill.args(["-0", "--", &format!("-{process}")]).output();
             signalled.unwrap().status.success()
         };
-        let since = Instant::now();
-        while group() {
-            assert!(
-                since.elapsed() < Duration::from_secs(60),
-                "a child still runs"
-            );
-            std::thread::sleep(Duration::from_millis(20));
-        }
+        wait_until("the end of its children", || !group());
     }
     no_temporary_files(&place);
 }
