@@ -9,7 +9,7 @@ use lumbre_light::math::t_test::{two_sided_p, welch_p};
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::value::Value;
 
-use crate::common::{SceneBuilder, grey, job, light, named_job, render};
+use crate::common::{SceneBuilder, grey, light, named_job, render};
 use crate::render::agreement::{Technique, params};
 use crate::render::consistent_fixtures::{
     SIGNIFICANCE, column, constant_job, label, mean_and_error, merging_alone, spread,

@@ -19,7 +19,7 @@ use lumbre_render::cpu::bvh::accel::Accel;
 use lumbre_render::cpu::bvh::simd::Isa;
 use lumbre_render::hierarchy::{AccelSpec, Builder};
 
-use crate::common::{job, named_job, render};
+use crate::common::{named_job, render};
 use crate::render::intersection::{numbers, point};
 
 fn mesh(

@@ -7,7 +7,7 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::Material;
 use lumbre_light::scene::desc::{ConeDesc, ConeEdge};
 
-use crate::common::{SceneBuilder, WHITE, grey, job, mean_and_error, named_job, render};
+use crate::common::{SceneBuilder, WHITE, grey, mean_and_error, named_job, render};
 use crate::render::agreement::technique;
 use crate::render::consistent_fixtures::{constant_job, label, merging_alone, polished};
 

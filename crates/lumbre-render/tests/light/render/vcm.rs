@@ -7,7 +7,6 @@ use lumbre_light::math::stats::{median, sidak};
 use lumbre_light::math::t_test::welch_p;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::Material;
-use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL};
 use lumbre_light::value::Value;
 use lumbre_render::{Job, Renderer};
