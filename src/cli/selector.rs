@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use crate::cli::exit::Failure;
 use crate::cli::format::display_path;
+use lumbre_night::paths::name;
 use lumbre_night::store::{RunRecord, StoreError, latest_experiment, list_experiments, read_run};
 
 /// Maximum number of candidates that a message lists.
@@ -133,11 +134,6 @@ fn is_night(folder: &Path) -> bool {
 }
 
 /// Returns the name of a folder.
-fn name(folder: &Path) -> String {
-    let name = folder.file_name().unwrap_or_default();
-    name.to_string_lossy().into_owned()
-}
-
 /// Returns the folders of all nights below a folder of results, ordered by name.
 fn nights(out: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(out).into_iter().flatten().flatten();

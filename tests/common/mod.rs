@@ -1,6 +1,7 @@
 //! Scenes made in code, and the renders and statistics that several test binaries need.
 #![allow(dead_code, reason = "every test binary uses its own part of this")]
 
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -13,9 +14,10 @@ use lumbre_light::scene::compile::{
     Cone, DirectionalLight, Emitter, Environment, Interface, MaskMode, Material, Model, NONE,
     PointLight, Sphere, Texture, TriangleAttributes, UvMap,
 };
-use lumbre_light::scene::desc::{CameraDesc, ConeDesc, Optics};
-use lumbre_light::transport::integrator::integrator;
+use lumbre_light::scene::desc::{CameraDesc, ConeDesc};
+use lumbre_light::transport::integrator::{IntegratorRow, integrator};
 use lumbre_light::transport::time_settings::Timing;
+use lumbre_light::value::Value;
 use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 
 /// A white, opaque, ideal material that emits nothing.
@@ -85,12 +87,7 @@ pub struct SceneBuilder {
 impl SceneBuilder {
     /// Returns an empty scene seen from `position` towards `target`.
     pub fn new(position: Vec3, target: Vec3, fov_deg: f32) -> SceneBuilder {
-        let camera = CameraDesc {
-            position,
-            target,
-            optics: Optics::pinhole(fov_deg),
-            ..CameraDesc::default()
-        };
+        let camera = CameraDesc::pinhole(position, target, fov_deg);
         SceneBuilder {
             scene: CompiledScene {
                 camera,
@@ -166,6 +163,18 @@ impl SceneBuilder {
             [uv[0], uv[2], uv[3]],
             material,
         )
+    }
+
+    /// Adds a horizontal square about the y axis, `2 * half` wide, whose front faces upwards.
+    pub fn floor(self, half: f32, y: f32, material: Material) -> SceneBuilder {
+        let (a, b) = (Vec3::X * (2.0 * half), Vec3::Z * (-2.0 * half));
+        self.quad(Vec3::new(-half, y, half), a, b, material)
+    }
+
+    /// Adds a horizontal square as [`SceneBuilder::floor`] does, whose front faces downwards.
+    pub fn ceiling(self, half: f32, y: f32, material: Material) -> SceneBuilder {
+        let (a, b) = (Vec3::X * (2.0 * half), Vec3::Z * (2.0 * half));
+        self.quad(Vec3::new(-half, y, -half), a, b, material)
     }
 
     /// Adds an axis-aligned cube about the origin whose fronts face inwards.
@@ -272,7 +281,21 @@ impl SceneBuilder {
 
 /// Returns a job for `bpt` without Russian roulette, with a box filter of one pixel.
 pub fn job(resolution: [u32; 2], max_depth: u32, seed: u64) -> Job {
-    Job::plain(integrator("bpt").unwrap(), resolution, max_depth, seed)
+    named_job("bpt", resolution, max_depth, seed)
+}
+
+/// Returns a job as [`job`] does, for the technique of this name.
+pub fn named_job(name: &str, resolution: [u32; 2], max_depth: u32, seed: u64) -> Job {
+    Job::plain(integrator(name).unwrap(), resolution, max_depth, seed)
+}
+
+/// Returns the job with another technique and its parameters.
+pub fn job_with(row: &'static IntegratorRow, params: BTreeMap<String, Value>, job: Job) -> Job {
+    Job {
+        integrator: row,
+        ..job
+    }
+    .with(|settings| settings.params = params)
 }
 
 /// Renders `samples` samples on the CPU.
@@ -307,6 +330,22 @@ pub fn repository() -> PathBuf {
     let mut folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
     let root = folders.find(|folder| folder.join("Cargo.lock").is_file());
     root.unwrap().to_owned()
+}
+
+/// Returns the files below a folder, sorted. The folder may be a link; links below are not followed.
+pub fn files_below(folder: &Path) -> Vec<PathBuf> {
+    let (mut open, mut found) = (vec![folder.to_owned()], Vec::new());
+    while let Some(next) = open.pop() {
+        for entry in std::fs::read_dir(next).into_iter().flatten().flatten() {
+            if entry.file_type().unwrap().is_dir() {
+                open.push(entry.path());
+            } else {
+                found.push(entry.path());
+            }
+        }
+    }
+    found.sort();
+    found
 }
 
 /// Returns the folder of shared third-party scenes and references, if there is one:
@@ -352,11 +391,7 @@ pub fn timing(start: f64, bin: f64, bins: u32) -> Timing {
 
 /// Returns a job with a time axis.
 pub fn timed_job(name: &str, timing: Timing, size: [u32; 2], depth: u32, seed: u64) -> Job {
-    Job {
-        integrator: integrator(name).unwrap(),
-        ..job(size, depth, seed)
-    }
-    .with(|settings| settings.timing = Some(timing))
+    named_job(name, size, depth, seed).with(|settings| settings.timing = Some(timing))
 }
 
 /// Renders waves of these numbers of samples. Panics if a sample is invalid.

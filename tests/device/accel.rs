@@ -1,9 +1,8 @@
 //! `vulkan-compute` builds its hierarchy as requested, reports the result, and finds the same hits.
 
 use glam::{Vec2, Vec3};
-use lumbre_light::transport::integrator::integrator;
 use lumbre_render::hierarchy::{AccelSpec, Builder, Quality};
-use lumbre_render::{Job, OpenStats, Renderer};
+use lumbre_render::{OpenStats, Renderer};
 use lumbre_vulkan::context::device::Device;
 use lumbre_vulkan::layout::TriangleAttributes;
 use lumbre_vulkan::pipelines::program::TracingMode;
@@ -36,11 +35,7 @@ fn hierarchies_are_built_as_requested_and_all_give_the_same_picture() {
     let scene = b.build();
     let plain = AccelSpec::default();
     let with = |spec: AccelSpec| -> (OpenStats, Vec<[f64; 3]>) {
-        let job = Job {
-            integrator: integrator("bpt").unwrap(),
-            ..job([24, 16], 3, 5)
-        }
-        .with(|settings| settings.accel = spec);
+        let job = job([24, 16], 3, 5).with(|settings| settings.accel = spec);
         let mut renderer = VulkanRenderer::new(
             &device,
             TracingMode::Compute,
@@ -156,10 +151,7 @@ fn an_acceleration_structure_may_exceed_the_size_limit_of_arrays() {
         info.limits.storage_range,
         Device::open(info, device.info.caps).unwrap(),
     );
-    let job = Job {
-        integrator: integrator("bpt").unwrap(),
-        ..job([24, 16], 3, 5)
-    };
+    let job = job([24, 16], 3, 5);
     let mut renderer =
         VulkanRenderer::new(&narrow, kind, &harness::sources(), &scene, &job).unwrap();
     let bytes = renderer.open_stats().accel_bytes;

@@ -16,7 +16,7 @@ use lumbre_light::scene::compile::{
     Distribution, Interface, MaskMode, Material, Model, NONE, Texture,
 };
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
-use lumbre_light::transport::integrator::{INTEGRATORS, integrator};
+use lumbre_light::transport::integrator::INTEGRATORS;
 use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL, sampler};
 use lumbre_render::cpu::renderer::CpuRenderer;
 use lumbre_render::{Job, Renderer};
@@ -155,19 +155,9 @@ const LIGHTS: [&str; 5] = [
 /// Returns a scene with a ball of every extreme material over a floor, under one kind of light.
 pub fn balls(lamp: &str) -> Arc<CompiledScene> {
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 2.2, 4.4), Vec3::new(0.0, 0.1, -0.2), 50.0)
-        .quad(
-            Vec3::new(-3.0, 0.0, 3.0),
-            Vec3::X * 6.0,
-            Vec3::Z * -6.0,
-            grey(0.5),
-        );
+        .floor(3.0, 0.0, grey(0.5));
     if lamp == "triangles" {
-        builder = builder.quad(
-            Vec3::new(-1.0, 3.0, -1.0),
-            Vec3::X * 2.0,
-            Vec3::Z * 2.0,
-            light(4.0),
-        );
+        builder = builder.ceiling(1.0, 3.0, light(4.0));
     }
     for (i, material) in extreme_materials().into_iter().enumerate() {
         let place = Vec3::new(i as f32 % 4.0 - 1.5, 0.4, (i / 4) as f32 - 2.0);
@@ -313,10 +303,7 @@ fn leaves(masked: bool) -> Arc<CompiledScene> {
 fn pictures_with_blended_masks_agree_within_noise() {
     let device = or_return!(harness::device());
     let scene = leaves(true);
-    let job = Job {
-        integrator: integrator("nee").unwrap(),
-        ..common::job([24, 16], 4, 5)
-    };
+    let job = common::named_job("nee", [24, 16], 4, 5);
     let expected = common::render(&scene, job.clone(), 256);
     let compare = |found: &Film, expected: &Film| {
         let (a, b) = (

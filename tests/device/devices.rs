@@ -83,21 +83,8 @@ fn workplace() -> Option<(tempfile::TempDir, bool)> {
 
 /// Returns the files below a folder by relative path.
 fn files(root: &Path) -> BTreeMap<String, PathBuf> {
-    let (mut open, mut found) = (vec![root.to_owned()], BTreeMap::new());
-    while let Some(folder) = open.pop() {
-        for path in std::fs::read_dir(folder)
-            .into_iter()
-            .flatten()
-            .map(|entry| entry.unwrap().path())
-        {
-            if path.is_dir() && !path.is_symlink() {
-                open.push(path);
-            } else {
-                found.insert(path.strip_prefix(root).unwrap().display().to_string(), path);
-            }
-        }
-    }
-    found
+    let named = |path: PathBuf| (path.strip_prefix(root).unwrap().display().to_string(), path);
+    common::files_below(root).into_iter().map(named).collect()
 }
 
 /// Returns every picture, except snapshots of unfinished runs, by relative path.

@@ -4,7 +4,6 @@ use std::process::Command;
 use std::sync::Arc;
 
 use glam::Vec3;
-use lumbre_light::transport::integrator::integrator;
 use lumbre_render::{Job, RenderError, Renderer};
 use lumbre_vulkan::context::{device::Device, physical_device::Caps};
 use lumbre_vulkan::error::VulkanError;
@@ -15,7 +14,7 @@ use lumbre_vulkan::renderer::{VulkanRenderer, into_render_error};
 
 use super::harness;
 use super::images::supported_modes;
-use crate::common::{SceneBuilder, grey, job};
+use crate::common::{SceneBuilder, grey, job, named_job};
 
 fn scene() -> Arc<lumbre_light::scene::CompiledScene> {
     SceneBuilder::new(Vec3::Z * 3.0, Vec3::ZERO, 50.0)
@@ -64,10 +63,7 @@ fn a_missing_feature_is_an_error_that_names_the_feature_and_the_device() {
     }
     // The remaining features still work: the picture shows a grey square before a white sky.
     for name in ["bpt", "bdpt"] {
-        let job = Job {
-            integrator: integrator(name).unwrap(),
-            ..job([8, 8], 2, 1)
-        };
+        let job = named_job(name, [8, 8], 2, 1);
         let mut renderer = open(&limited, TracingMode::Compute, &Sources::Embedded, &job).unwrap();
         renderer.advance(4).unwrap();
         let mean = renderer.film().mean().at(0, 0)[0];

@@ -3,12 +3,10 @@
 use std::sync::{Arc, OnceLock};
 
 use glam::Vec3;
-use lumbre_light::film::time::TimeAxis;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{DelayProfile, Delays, MaterialComponent};
 use lumbre_light::scene::desc::{DelayDesc, DelayKind};
 use lumbre_light::transport::integrator::IntegratorRow;
-use lumbre_light::transport::time_settings::Timing;
 use lumbre_render::Advance;
 use lumbre_render::shaders::Shaders;
 use lumbre_vulkan::context::instance;
@@ -20,6 +18,7 @@ use lumbre_vulkan::pipelines::program::TracingMode;
 use lumbre_vulkan::pipelines::sources::Sources;
 
 use super::rounding;
+pub use crate::common::timing;
 
 /// Returns a request of samples of which `more` may be started ahead.
 pub fn ahead(samples: u64, more: u64) -> Advance<'static> {
@@ -87,11 +86,6 @@ pub fn fastest_to_compile(device: &Device) -> TracingMode {
     } else {
         TracingMode::Compute
     }
-}
-
-/// Returns a time axis with default settings.
-pub fn timing(start: f64, bin: f64, bins: u32) -> Timing {
-    Timing::plain(TimeAxis { start, bin, bins })
 }
 
 /// Delays every third material of a scene, by each kind of profile in turn, and makes every third

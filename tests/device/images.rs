@@ -10,7 +10,6 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{Material, Model, Texture};
 use lumbre_light::scene::desc::CameraKind;
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
-use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::sampler::SOBOL;
 use lumbre_render::cpu::renderer::CpuRenderer;
 use lumbre_render::{Job, Renderer};
@@ -23,7 +22,7 @@ use super::corners::balls;
 use super::harness;
 use super::verdict::{compare, compare_loosely};
 use super::weights::seen_by;
-use crate::common::{self, SceneBuilder, WHITE, grey, job, light};
+use crate::common::{self, SceneBuilder, WHITE, grey, job, light, named_job};
 
 /// Returns the tracing modes that the device supports.
 pub fn supported_modes(device: &Device) -> Vec<TracingMode> {
@@ -71,7 +70,7 @@ pub fn room() -> Arc<CompiledScene> {
     ) = (Model::Disney, 1.0, 0.5, 0.5);
     SceneBuilder::new(Vec3::new(0.0, 0.0, 1.9), Vec3::ZERO, 60.0)
         .room(2.0, grey(0.7))
-        .quad(Vec3::new(-0.5, 1.99, -0.5), Vec3::X, Vec3::Z, light(8.0))
+        .ceiling(0.5, 1.99, light(8.0))
         .quad(
             Vec3::new(-1.5, -1.0, -1.0),
             Vec3::new(0.0, 1.0, 0.0),
@@ -145,12 +144,7 @@ pub fn scene_with_all_lights() -> Arc<CompiledScene> {
             .collect(),
     );
     builder
-        .quad(
-            Vec3::new(-3.0, 0.0, 3.0),
-            Vec3::X * 6.0,
-            Vec3::Z * -6.0,
-            floor,
-        )
+        .floor(3.0, 0.0, floor)
         .quad(Vec3::new(-1.5, 0.0, 0.5), Vec3::X, Vec3::Y, leaf)
         .quad(Vec3::new(0.5, 0.0, 0.5), Vec3::X, Vec3::Y, grid)
         .triangle(
@@ -176,11 +170,7 @@ pub fn scene_with_all_lights() -> Arc<CompiledScene> {
 
 /// Returns a job of an integrator, with Russian roulette.
 pub fn technique_job(name: &str, seed: u64) -> Job {
-    Job {
-        integrator: integrator(name).unwrap(),
-        ..job([64, 36], 5, seed)
-    }
-    .with(|settings| settings.rr_start = Some(3))
+    named_job(name, [64, 36], 5, seed).with(|settings| settings.rr_start = Some(3))
 }
 
 #[test]

@@ -130,12 +130,9 @@ fn balls(count: u32, rows: u32) -> CompiledScene {
         camera,
         materials: materials.into(),
         entities: entities.into(),
-        environment: Some(EnvironmentDesc {
-            source: EnvironmentSource::Color(Vec3::splat(0.2)),
-            rotation_deg: 0.0,
-            scale: 1.0,
-            sampling: Default::default(),
-        }),
+        environment: Some(EnvironmentDesc::new(EnvironmentSource::Color(Vec3::splat(
+            0.2,
+        )))),
         ..SceneDesc::default()
     };
     compile_sharing(&desc, Sharing::Always).unwrap().0

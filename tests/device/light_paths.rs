@@ -70,19 +70,14 @@ fn long_lists_of_vertices_are_those_of_the_cpu() {
     let device = or_return!(harness::device());
     // An open scene without roulette, in which every subpath ends at once or after a second vertex.
     let scene = SceneBuilder::new(Vec3::new(0.0, 1.0, 4.0), Vec3::new(0.0, 0.5, 0.0), 40.0)
-        .quad(
-            Vec3::new(-2.0, 0.0, 2.0),
-            Vec3::X * 4.0,
-            Vec3::Z * -4.0,
-            grey(0.8),
-        )
+        .floor(2.0, 0.0, grey(0.8))
         .quad(
             Vec3::new(-2.0, 0.0, -1.0),
             Vec3::X * 4.0,
             Vec3::Y * 2.0,
             grey(0.6),
         )
-        .quad(Vec3::new(-0.5, 2.0, -0.5), Vec3::X, Vec3::Z, light(8.0))
+        .ceiling(0.5, 2.0, light(8.0))
         .build();
     let job = Job {
         max_depth: 3,

@@ -57,30 +57,18 @@ fn a_sweep_over_backends_gives_the_same_pictures_and_bins() {
     assert!(output.status.success(), "{message}");
     assert!(message.contains("backend vulkan-compute: "), "{message}");
     let (mut pictures, mut cubes, mut built) = (Vec::new(), Vec::new(), 0);
-    let mut open = vec![place.path().join("out")];
-    while let Some(folder) = open.pop() {
-        for path in std::fs::read_dir(folder)
-            .unwrap()
-            .map(|e| e.unwrap().path())
-        {
-            if path.is_dir() && !path.is_symlink() {
-                open.push(path);
-            } else if path.file_name().is_some_and(|n| n == "final.exr") {
-                pictures.push(
-                    lumbre_report::exr::decode(&std::fs::read(path).unwrap())
-                        .unwrap()
-                        .0,
-                );
-            } else if path.file_name().is_some_and(|n| n == "time-cube.npy") {
-                cubes.push(numbers(&std::fs::read(path).unwrap()));
-            } else if path.file_name().is_some_and(|n| n == "done.json") {
-                let done: serde_json::Value =
-                    serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
-                let message = ["accel_build_s", "accel_bytes", "accel_cost"]
-                    .map(|key| done["open"][key].as_f64().unwrap());
-                assert!(message.iter().all(|x| *x > 0.0), "{done}");
-                built += 1;
-            }
+    for path in crate::common::files_below(&place.path().join("out")) {
+        let bytes = || std::fs::read(&path).unwrap();
+        if path.ends_with("final.exr") {
+            pictures.push(lumbre_report::exr::decode(&bytes()).unwrap().0);
+        } else if path.ends_with("time-cube.npy") {
+            cubes.push(numbers(&bytes()));
+        } else if path.ends_with("done.json") {
+            let done: serde_json::Value = serde_json::from_slice(&bytes()).unwrap();
+            let message = ["accel_build_s", "accel_bytes", "accel_cost"]
+                .map(|key| done["open"][key].as_f64().unwrap());
+            assert!(message.iter().all(|x| *x > 0.0), "{done}");
+            built += 1;
         }
     }
     assert_eq!((pictures.len(), built), (2, 2));

@@ -120,7 +120,7 @@ fn invalid_samples_at_once_are_refused_as_those_in_turn() {
     lamp.emission = Vec3::splat(3e38);
     let scene = SceneBuilder::new(Vec3::new(0.0, 0.0, 1.9), Vec3::ZERO, 60.0)
         .room(2.0, grey(0.9))
-        .quad(Vec3::new(-0.5, 1.9, -0.5), Vec3::X, Vec3::Z, lamp)
+        .ceiling(0.5, 1.9, lamp)
         .build();
     let job = Job {
         resolution: [21, 13],

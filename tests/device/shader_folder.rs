@@ -106,16 +106,11 @@ fn refused_output(output: Output, reasons: &[&str]) {
 
 /// Returns the picture of a run, by a part of its path.
 fn picture(folder: &Path, part: &str) -> PathBuf {
-    let mut open = vec![folder.join("out")];
-    while let Some(path) = open.pop() {
-        if path.is_dir() {
-            let entries = std::fs::read_dir(path).unwrap();
-            open.extend(entries.map(|entry| entry.unwrap().path()));
-        } else if path.ends_with("final.exr") && path.to_string_lossy().contains(part) {
-            return path;
-        }
-    }
-    panic!("no picture of {part}");
+    let is_wanted =
+        |path: &PathBuf| path.ends_with("final.exr") && path.to_string_lossy().contains(part);
+    let mut files = crate::common::files_below(&folder.join("out")).into_iter();
+    let found = files.find(is_wanted);
+    found.unwrap_or_else(|| panic!("no picture of {part}"))
 }
 
 #[test]

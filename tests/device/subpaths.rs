@@ -51,7 +51,7 @@ fn paths_of_hundreds_of_edges_bring_the_light_that_they_bring_on_the_cpu() {
     // Without roulette all paths in a closed room go on to the end, and in a white one these matter.
     let scene = SceneBuilder::new(Vec3::new(0.0, 0.0, 1.9), Vec3::ZERO, 60.0)
         .room(2.0, grey(0.99))
-        .quad(Vec3::new(-0.5, 1.99, -0.5), Vec3::X, Vec3::Z, light(8.0))
+        .ceiling(0.5, 1.99, light(8.0))
         .build();
     let long = Job {
         resolution: [16, 12],

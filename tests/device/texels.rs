@@ -8,8 +8,7 @@ use lumbre_light::film::layer::LayerLayout;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{LinearTexels, NONE, Texture};
 use lumbre_light::scene::desc::{Texels, TextureDesc};
-use lumbre_light::transport::integrator::integrator;
-use lumbre_render::{Job, RenderError};
+use lumbre_render::RenderError;
 use lumbre_vulkan::context::{device::Device, limits::Limits, physical_device::Caps};
 use lumbre_vulkan::error::VulkanError;
 use lumbre_vulkan::layout::Specialization;
@@ -23,7 +22,7 @@ use lumbre_vulkan::renderer::into_render_error;
 use super::harness;
 use super::images::{render, scene_with_all_lights, supported_modes};
 use super::verdict::compare;
-use crate::common::{self, SceneBuilder, grey, job};
+use crate::common::{self, SceneBuilder, grey, job, named_job};
 
 /// Returns the device with a limit of this many words of texels per buffer.
 fn limited_to(device: &Device, words: u64) -> Arc<Device> {
@@ -146,10 +145,7 @@ fn a_scene_with_texels_in_blocks_is_the_same_in_every_tracing_mode() {
         return;
     }
     let (scene, blocks) = (scene(), limited_to(&device, 15));
-    let with = |name: &str| Job {
-        integrator: integrator(name).unwrap(),
-        ..job([48, 27], 4, 8)
-    };
+    let with = |name: &str| named_job(name, [48, 27], 4, 8);
     let kind = harness::fastest_to_compile(&device);
     let whole = render(&device, kind, &scene, &with("nee"), 4);
     let parts = render(&blocks, kind, &scene, &with("nee"), 4);
@@ -190,10 +186,7 @@ fn texels_of_bytes_have_the_bits_of_floats() {
     let mut bytes = (*both).clone();
     bytes.textures[1] = bytes.textures[2].clone();
     let kind = harness::fastest_to_compile(&device);
-    let job = Job {
-        integrator: integrator("nee").unwrap(),
-        ..job([48, 27], 4, 8)
-    };
+    let job = named_job("nee", [48, 27], 4, 8);
     for (name, scene) in [("bytes and floats", both), ("bytes", Arc::new(bytes))] {
         let found = render(&device, kind, &scene, &job, 4);
         let floats = render(&device, kind, &with_floats(&scene), &job, 4);

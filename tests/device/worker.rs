@@ -51,26 +51,17 @@ fn start(place: &Path, samples: u64) -> Child {
 
 /// Returns the pictures of a night: the final one of every cell, and its films by depth.
 fn pictures(place: &Path) -> Vec<(PathBuf, Image)> {
-    let (mut open, mut found) = (vec![place.join("out")], Vec::new());
-    while let Some(folder) = open.pop() {
-        for path in std::fs::read_dir(folder)
+    let mut files = crate::common::files_below(&place.join("out"));
+    files.retain(|path| {
+        path.extension().is_some_and(|e| e == "exr") && !path.to_string_lossy().contains("snap-")
+    });
+    let decoded = files.into_iter().map(|path| {
+        let image = lumbre_report::exr::decode(&std::fs::read(&path).unwrap())
             .unwrap()
-            .map(|e| e.unwrap().path())
-        {
-            if path.is_dir() && !path.is_symlink() {
-                open.push(path);
-            } else if path.extension().is_some_and(|e| e == "exr")
-                && !path.to_string_lossy().contains("snap-")
-            {
-                let image = lumbre_report::exr::decode(&std::fs::read(&path).unwrap())
-                    .unwrap()
-                    .0;
-                found.push((path.strip_prefix(place).unwrap().to_owned(), image));
-            }
-        }
-    }
-    found.sort_by(|a, b| a.0.cmp(&b.0));
-    found
+            .0;
+        (path.strip_prefix(place).unwrap().to_owned(), image)
+    });
+    decoded.collect()
 }
 
 /// Returns the id of the worker process of a process, if it has one.

@@ -27,7 +27,7 @@ use lumbre_render::worker::{HEARTBEAT, Launcher, WorkerPool};
 use lumbre_render::{Job, RenderError, Renderer};
 use lumbre_scene_io::load::load;
 
-use crate::common::{SceneBuilder, grey, job, light};
+use crate::common::{SceneBuilder, grey, job, light, named_job};
 
 fn scene() -> Arc<CompiledScene> {
     let mut builder = SceneBuilder::new(Vec3::Z * 3.0, Vec3::ZERO, 50.0);
@@ -54,11 +54,7 @@ fn scene() -> Arc<CompiledScene> {
 
 fn request() -> Job {
     let params = [("mis".to_owned(), Value::from("balance"))].into();
-    Job {
-        integrator: integrator("nee").unwrap(),
-        ..job([12, 8], 4, 77)
-    }
-    .with(|settings| {
+    named_job("nee", [12, 8], 4, 77).with(|settings| {
         settings.params = params;
         settings.rr_start = Some(3);
     })
@@ -224,16 +220,11 @@ fn everything() -> (Arc<CompiledScene>, Job) {
     };
     let sky = Texture::new(2, 1, vec![[1.0, 2.0, 3.0], [0.5; 3]]);
     let scene = builder
-        .quad(
-            Vec3::new(-2.0, -1.0, 2.0),
-            Vec3::X * 4.0,
-            Vec3::Z * -4.0,
-            disney,
-        )
+        .floor(2.0, -1.0, disney)
         .quad(Vec3::new(-1.0, -1.0, 0.5), Vec3::X, Vec3::Y, leaf)
         .quad(Vec3::new(0.2, -1.0, 0.3), Vec3::X, Vec3::Y, cloud)
         .quad(Vec3::new(-1.5, -0.5, 0.2), Vec3::X, Vec3::Y, paper)
-        .quad(Vec3::new(-0.5, 1.5, -0.5), Vec3::X, Vec3::Z, light(4.0))
+        .ceiling(0.5, 1.5, light(4.0))
         .sphere(
             Vec3::new(0.5, 0.0, -0.5),
             0.4,
@@ -405,10 +396,7 @@ fn a_worker_refuses_unsupported_jobs_like_a_local_renderer_and_keeps_running() {
     let error = pool.open("mock", &scene(), wanted).err().unwrap();
     assert_eq!(
         error,
-        RenderError::Unsupported {
-            backend: "mock",
-            reason: "layers are not supported".to_owned()
-        }
+        RenderError::unsupported("mock", "layers are not supported")
     );
     let worker = pool.worker_id().unwrap();
     let mut run = pool.open("mock", &scene(), request()).unwrap();

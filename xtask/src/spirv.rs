@@ -6,8 +6,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Number of words before the first instruction.
-const HEADER: usize = 5;
+use lumbre_vulkan::pipelines::shrink::instructions;
 
 /// Storage class of variables outside of functions that each invocation has to itself.
 const PRIVATE: u32 = 6;
@@ -122,13 +121,9 @@ fn has_result_type(op: u32) -> bool {
 /// Returns the counts of a module.
 pub fn count(words: &[u32]) -> Counts {
     let (mut ids, mut counts) = (Ids::default(), Counts::default());
-    let mut rest = words.get(HEADER..).unwrap_or_default();
     let mut in_function = false;
-    while let Some(first) = rest.first() {
-        let length = ((first >> 16) as usize).clamp(1, rest.len());
-        let (instruction, next) = rest.split_at(length);
-        let (op, operands) = (first & 0xffff, &instruction[1..]);
-        rest = next;
+    for instruction in instructions(words) {
+        let (op, operands) = (instruction[0] & 0xffff, &instruction[1..]);
         ids.add_type(op, operands);
         ids.add_constant(op, operands);
         // OpFunction and OpFunctionEnd.

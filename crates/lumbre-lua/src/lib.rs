@@ -231,7 +231,7 @@ fn finish(
         measure: builder
             .measure
             .as_ref()
-            .map_or_else(api::measure::default_measure, |(m, _)| m.clone()),
+            .map_or_else(Default::default, |(m, _)| m.clone()),
         night: builder.night.clone(),
         aa_check: builder.aa_check.is_some(),
         figures: builder.figures.iter().map(|(f, _)| f.clone()).collect(),

@@ -17,29 +17,23 @@ pub struct PixelMap {
     pub top: Option<f32>,
 }
 
-/// Perceptually uniform colour maps: equal steps in value are about equal steps in appearance.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Colours {
-    /// Black over violet and orange to a pale yellow, for values of at least 0; lightness rises
-    /// evenly. By N. Smith and S. van der Walt, released under CC0 with matplotlib; the colours of
-    /// the paper on FLIP.
-    Magma,
-    /// Blue over grey to red, for values of both signs; grey is 0 [Moreland 2009].
-    CoolWarm,
+lumbre_light::named! {
+    /// Perceptually uniform colour maps: equal steps in value are about equal steps in appearance.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Colours {
+        /// Black over violet and orange to a pale yellow, for values of at least 0; lightness rises
+        /// evenly. By N. Smith and S. van der Walt, released under CC0 with matplotlib; the colours
+        /// of the paper on FLIP.
+        Magma = "magma",
+        /// Blue over grey to red, for values of both signs; grey is 0 [Moreland 2009].
+        CoolWarm = "cool to warm",
+    }
 }
 
 /// 8-bit sRGB colour of NaN, which occurs in no colour map.
 pub const NAN_COLOUR: [u8; 3] = [0, 255, 0];
 
 impl Colours {
-    /// Name of the colour map for captions.
-    pub fn name(self) -> &'static str {
-        match self {
-            Colours::Magma => "magma",
-            Colours::CoolWarm => "cool to warm",
-        }
-    }
-
     /// Returns the 8-bit sRGB colour at a position, which is clamped to 0..=1.
     pub fn at(self, position: f32) -> [u8; 3] {
         if position.is_nan() {

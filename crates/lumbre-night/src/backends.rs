@@ -29,10 +29,10 @@ pub fn open(
 ) -> Result<Box<dyn Renderer>, RenderError> {
     match backend(name) {
         Some(row) => (row.open)(scene, job),
-        None => Err(RenderError::Unsupported {
-            backend: "none",
-            reason: format!("there is no backend `{name}`"),
-        }),
+        None => Err(RenderError::unsupported(
+            "none",
+            format!("there is no backend `{name}`"),
+        )),
     }
 }
 

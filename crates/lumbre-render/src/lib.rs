@@ -113,6 +113,12 @@ impl Job {
         }
     }
 
+    /// Returns the job with this number of threads; 0 means one for each core.
+    #[must_use]
+    pub fn on_threads(self, threads: usize) -> Job {
+        Job { threads, ..self }
+    }
+
     /// Returns the job with changed settings.
     #[must_use]
     pub fn with(mut self, change: impl FnOnce(&mut Settings)) -> Job {
@@ -258,6 +264,26 @@ pub enum RenderError {
     },
 }
 
+impl RenderError {
+    /// Returns an error for a feature that the backend lacks.
+    pub fn unsupported(backend: &'static str, reason: impl ToString) -> RenderError {
+        let reason = reason.to_string();
+        RenderError::Unsupported { backend, reason }
+    }
+
+    /// Returns an error for a device or process that is gone.
+    pub fn lost(backend: &'static str, reason: impl ToString) -> RenderError {
+        let reason = reason.to_string();
+        RenderError::Lost { backend, reason }
+    }
+
+    /// Returns an error for a cell whose rendering failed.
+    pub fn failed(backend: &'static str, reason: impl ToString) -> RenderError {
+        let reason = reason.to_string();
+        RenderError::Failed { backend, reason }
+    }
+}
+
 /// Picture of a run in progress, made of all samples so far.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
@@ -378,10 +404,10 @@ pub trait Renderer: Send {
     /// # Errors
     /// Returns an error if there is no such film or the backend fails.
     fn layer(&self, index: usize) -> Result<Film, RenderError> {
-        Err(RenderError::Failed {
-            backend: "this",
-            reason: format!("layer film {index} does not exist"),
-        })
+        Err(RenderError::failed(
+            "this",
+            format!("layer film {index} does not exist"),
+        ))
     }
 
     /// Returns the time-resolved film, if the job has a time axis.
@@ -405,10 +431,10 @@ pub trait Renderer: Send {
     /// # Errors
     /// Returns an error if the state does not match; this renderer must not be used any more then.
     fn restore(&mut self, _state: &[u8]) -> Result<(), RenderError> {
-        Err(RenderError::Unsupported {
-            backend: "this",
-            reason: "it cannot resume from a checkpoint".to_owned(),
-        })
+        Err(RenderError::unsupported(
+            "this",
+            "it cannot resume from a checkpoint",
+        ))
     }
 
     /// Returns the statistics of opening the renderer.

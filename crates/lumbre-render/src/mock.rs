@@ -42,25 +42,17 @@ pub const ROW: BackendRow = BackendRow {
     accel: true,
     open: |scene, job| {
         if job.settings.timing.is_some() {
-            return Err(RenderError::Unsupported {
-                backend: "mock",
-                reason: "films with a time axis are not supported".into(),
-            });
+            return Err(RenderError::unsupported(
+                "mock",
+                "films with a time axis are not supported",
+            ));
         }
         if !job.settings.films.is_empty() {
-            return Err(RenderError::Unsupported {
-                backend: "mock",
-                reason: "layers are not supported".into(),
-            });
+            return Err(RenderError::unsupported("mock", "layers are not supported"));
         }
         Ok(Box::new(MockRenderer::new(scene, job)))
     },
-    paths: |_, _, _| {
-        Err(RenderError::Unsupported {
-            backend: "mock",
-            reason: "it traces no paths".into(),
-        })
-    },
+    paths: |_, _, _| Err(RenderError::unsupported("mock", "it traces no paths")),
 };
 
 /// Run of the mock backend.
@@ -126,10 +118,7 @@ impl Renderer for MockRenderer {
         let total = self.film.samples + samples;
         if let Some(limit) = self.fail_after.filter(|limit| total > *limit) {
             let reason = format!("asked to fail after {limit} samples");
-            return Err(RenderError::Failed {
-                backend: "mock",
-                reason,
-            });
+            return Err(RenderError::failed("mock", reason));
         }
         let n = total as f64;
         let [before, after] =
@@ -167,10 +156,7 @@ impl Renderer for MockRenderer {
     fn restore(&mut self, state: &[u8]) -> Result<(), RenderError> {
         let mut from = StateReader::new(state);
         let restored = self.film.restore(&mut from).and_then(|()| from.finish());
-        restored.map_err(|e| RenderError::Failed {
-            backend: "mock",
-            reason: e.to_string(),
-        })
+        restored.map_err(|e| RenderError::failed("mock", e))
     }
 
     fn open_stats(&self) -> &OpenStats {
@@ -203,18 +189,13 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use lumbre_light::scene::desc::{CameraDesc, Optics};
+    use lumbre_light::scene::desc::CameraDesc;
     use lumbre_light::transport::integrator::INTEGRATORS;
 
     fn scene() -> Arc<CompiledScene> {
         Arc::new(CompiledScene {
             content_hash: [7; 32],
-            camera: CameraDesc {
-                position: Vec3::Z,
-                target: Vec3::ZERO,
-                optics: Optics::pinhole(40.0),
-                ..CameraDesc::default()
-            },
+            camera: CameraDesc::pinhole(Vec3::Z, Vec3::ZERO, 40.0),
             resolution: [24, 16],
             max_depth: 5,
             ..CompiledScene::default()
@@ -222,10 +203,7 @@ mod tests {
     }
 
     fn job(seed: u64) -> Job {
-        Job {
-            threads: 1,
-            ..Job::plain(&INTEGRATORS[0], [24, 16], 5, seed)
-        }
+        Job::plain(&INTEGRATORS[0], [24, 16], 5, seed).on_threads(1)
     }
 
     fn film_of(seed: u64, waves: &[u64]) -> Film {

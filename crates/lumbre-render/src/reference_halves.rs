@@ -112,10 +112,7 @@ impl Renderer for ReferenceHalves {
     }
 
     fn restore(&mut self, state: &[u8]) -> Result<(), RenderError> {
-        let mismatch = || RenderError::Failed {
-            backend: "halves",
-            reason: CheckpointMismatch.to_string(),
-        };
+        let mismatch = || RenderError::failed("halves", CheckpointMismatch);
         let mut rest = state;
         for half in &mut self.halves {
             let (length, after) = rest.split_first_chunk().ok_or_else(mismatch)?;

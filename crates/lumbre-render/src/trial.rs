@@ -16,10 +16,8 @@ use crate::{Job, Renderer};
 use lumbre_light::film::Film;
 use lumbre_light::math::stats::sidak;
 use lumbre_light::math::t_test::{two_sided_p, welch_p};
-use lumbre_light::scene::desc::{
-    CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Model, SceneDesc, ShapeDesc, Transform,
-    mesh_hash,
-};
+use lumbre_light::scene::desc::{CameraDesc, EntityDesc, MaterialDesc, Model, SceneDesc};
+use lumbre_light::scene::simple::{self, ball, lambert};
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::{IntegratorRow, integrator};
 use lumbre_light::value::Value;
@@ -99,9 +97,9 @@ impl Trial {
         let (emitted, reflected) = (0.5, [0.8, 0.6, 0.3]);
         let walls = MaterialDesc {
             emission: Vec3::splat(emitted as f32),
-            ..grey("walls", Vec3::from(reflected.map(|a| a as f32)))
+            ..lambert("walls", Vec3::from(reflected.map(|a| a as f32)))
         };
-        let scene = scene(vec![walls], vec![walls_around(1.0)])?;
+        let scene = scene(vec![walls], vec![simple::room(1.0)])?;
         let edges = i32::try_from(self.max_depth).unwrap_or(i32::MAX);
         let expected = reflected.map(|a: f64| emitted * (1.0 - a.powi(edges)) / (1.0 - a));
         let pictures = self.pictures(&scene)?;
@@ -270,62 +268,13 @@ fn place(index: usize) -> String {
     )
 }
 
-/// Returns a diffuse material.
-fn grey(name: &str, reflectance: Vec3) -> MaterialDesc {
-    MaterialDesc {
-        base_color: reflectance,
-        model: Model::Lambert,
-        ..MaterialDesc::new(name)
-    }
-}
-
-/// Returns a ball.
-fn ball(material: &str, center: Vec3, radius: f32) -> EntityDesc {
-    EntityDesc {
-        name: material.into(),
-        transform: Transform {
-            translate: center,
-            ..Transform::default()
-        },
-        material: Some(material.into()),
-        anisotropic_direction: None,
-        shape: ShapeDesc::Sphere { radius },
-    }
-}
-
-/// Returns the inner sides of a cube around the origin, of half this width.
-fn walls_around(half: f32) -> EntityDesc {
-    let axes = [[Vec3::X, Vec3::Y], [Vec3::Y, Vec3::Z], [Vec3::Z, Vec3::X]];
-    let corners = axes.iter().flat_map(|[n, a]| {
-        [-1.0, 1.0].map(|side| {
-            let (n, a) = (*n * side * half, *a * half);
-            let b = a.cross(n) / half;
-            [n - a - b, n + a - b, n + a + b, n - a + b]
-        })
-    });
-    let positions: Vec<Vec3> = corners.flatten().collect();
-    let triangles = (0..6).flat_map(|q| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|i| 4 * q + i)));
-    let mut mesh = MeshDesc {
-        positions,
-        triangles: triangles.collect(),
-        slots: vec!["walls".to_owned()],
-        triangle_slot: vec![0; 12],
-        ..MeshDesc::default()
-    };
-    mesh.content_hash = mesh_hash(&mesh);
-    EntityDesc {
-        shape: ShapeDesc::Mesh(Arc::new(mesh)),
-        ..ball("walls", Vec3::ZERO, half)
-    }
-}
-
 /// Returns a closed room with a light and four balls. The coat of the plastic one is a Dirac lobe
 /// beside a diffuse one, next to the light, which the coat reflects into the camera.
 fn room() -> Result<Arc<CompiledScene>, String> {
     let light = MaterialDesc {
         emission: Vec3::new(6.0, 5.0, 4.0),
         emitter_reflects: false,
-        ..grey("light", Vec3::ZERO)
+        ..lambert("light", Vec3::ZERO)
     };
     let glossy = MaterialDesc {
         roughness: 0.4,
@@ -336,7 +285,7 @@ fn room() -> Result<Arc<CompiledScene>, String> {
         model: Model::Plastic,
         roughness: 0.0,
         ior: 2.5,
-        ..grey("plastic", Vec3::splat(0.6))
+        ..lambert("plastic", Vec3::splat(0.6))
     };
     let glass = MaterialDesc {
         opacity: 0.0,
@@ -345,15 +294,15 @@ fn room() -> Result<Arc<CompiledScene>, String> {
     };
     scene(
         vec![
-            grey("walls", Vec3::new(0.6, 0.5, 0.4)),
-            grey("diffuse", Vec3::splat(0.7)),
+            lambert("walls", Vec3::new(0.6, 0.5, 0.4)),
+            lambert("diffuse", Vec3::splat(0.7)),
             plastic,
             light,
             glossy,
             glass,
         ],
         vec![
-            walls_around(1.0),
+            simple::room(1.0),
             ball("light", Vec3::new(0.0, 0.55, 0.1), 0.3),
             ball("diffuse", Vec3::new(-0.6, -0.4, -0.4), 0.35),
             ball("plastic", Vec3::new(-0.45, 0.35, -0.3), 0.3),

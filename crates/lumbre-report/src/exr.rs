@@ -212,7 +212,6 @@ mod tests {
 
     #[test]
     fn layers_have_their_names_and_pixels_and_the_same_bytes_every_time() {
-        use exr::prelude::{ReadChannels, ReadLayers, read};
         let frames = || {
             (0..3).map(|i| {
                 (
@@ -223,35 +222,10 @@ mod tests {
         };
         let bytes = encode_layers(frames().collect()).unwrap();
         assert_eq!(encode_layers(frames().collect()).unwrap(), bytes);
-        let back = read()
-            .no_deep_data()
-            .largest_resolution_level()
-            .all_channels()
-            .all_layers()
-            .all_attributes();
-        let back = back
-            .non_parallel()
-            .from_buffered(Cursor::new(&bytes))
-            .unwrap();
-        assert_eq!(back.layer_data.len(), 3);
-        for (layer, (name, image)) in back.layer_data.iter().zip(frames()) {
-            assert_eq!(
-                layer.attributes.layer_name.as_ref().unwrap().to_string(),
-                name
-            );
-            let channels: BTreeMap<String, Vec<f32>> = layer
-                .channel_data
-                .list
-                .iter()
-                .map(|c| (c.name.to_string(), c.sample_data.values_as_f32().collect()))
-                .collect();
-            for (c, channel) in ["R", "G", "B"].into_iter().enumerate() {
-                assert_eq!(
-                    channels[channel],
-                    image.data.iter().map(|p| p[c]).collect::<Vec<_>>()
-                );
-            }
-        }
+        let names = ["bin-0", "bin-1", "bin-2"];
+        let back = openexr::decode_channels(&bytes, 20, &names).unwrap();
+        let expected = frames().map(|(_, image)| image);
+        assert_eq!(back, expected.collect::<Vec<_>>());
         assert_eq!(
             decode(&bytes).unwrap().0,
             frames().next().unwrap().1,

@@ -7,12 +7,11 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use lumbre_light::scene::SceneDesc;
-use lumbre_light::scene::desc::{CameraDesc, Optics};
+use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
-use lumbre_metrics::tonemap::Tonemap;
 use lumbre_night::experiment::plan::{Cell, CellIdentity, Plan, RunId};
-use lumbre_night::experiment::spec::{MeasureSpec, Snapshots};
+use lumbre_night::experiment::spec::MeasureSpec;
 use lumbre_night::experiment::{CellRef, EndCause, Event, Night, Outcome, StopRule, WaveRow};
 use lumbre_render::OpenStats;
 use lumbre_render::Settings;
@@ -42,34 +41,18 @@ pub fn plan(axes: &[AxisValues], repeats: u32) -> Plan {
         .map(|(i, (point, repeat))| cell(i, point.clone(), repeat))
         .collect();
     Plan {
-        commands: Vec::new(),
-        commands_allowed: false,
         name: "night".to_owned(),
         hash: "3f9a5b".to_owned(),
         seed: 1,
-        settings: Vec::new(),
         axes: axes.iter().map(|(name, _)| (*name).to_owned()).collect(),
         cells,
-        references: Vec::new(),
-        skipped: Vec::new(),
-        notes: Vec::new(),
-        warnings: Vec::new(),
         measure: MeasureSpec {
-            every_s: 0.5,
             metrics: ["rmse", "ssim", "psnr"]
                 .map(|m| MetricSpec::new(m, m, BTreeMap::new()).unwrap())
                 .to_vec(),
-            snapshots: Snapshots::Last,
-            captures: false,
-            display: Tonemap::Srgb { exposure: 0.0 },
+            ..MeasureSpec::default()
         },
-        night: Default::default(),
-        figures: Vec::new(),
-        tables: Vec::new(),
-        sheets: Vec::new(),
-        report: Default::default(),
-        script_text: String::new(),
-        files: Default::default(),
+        ..Plan::default()
     }
 }
 
@@ -83,12 +66,7 @@ fn cell(index: usize, point: Vec<(String, Value)>, repeat: u32) -> Cell {
         .iter()
         .map(|(axis, v)| format!("{axis}={v}"))
         .collect();
-    let camera = CameraDesc {
-        position: Vec3::ZERO,
-        target: Vec3::Z,
-        optics: Optics::pinhole(60.0),
-        ..CameraDesc::default()
-    };
+    let camera = CameraDesc::pinhole(Vec3::ZERO, Vec3::Z, 60.0);
     Cell {
         id: RunId(format!("run{index:02}")),
         first: index,

@@ -4,8 +4,8 @@ use glam::{Affine3A, Quat, Vec2, Vec3};
 
 use crate::load::default_scene::{bounds, corners, framing_camera};
 use lumbre_light::scene::desc::{
-    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, Optics, SceneDesc,
-    ShapeDesc, TextureSlot, Transform,
+    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, SceneDesc, ShapeDesc,
+    TextureSlot, Transform,
 };
 use lumbre_light::scene::shape;
 
@@ -74,12 +74,7 @@ pub fn set_up(scene: &mut SceneDesc, stage: Stage) {
 }
 
 fn constant_environment(radiance: f32) -> EnvironmentDesc {
-    EnvironmentDesc {
-        source: EnvironmentSource::Color(Vec3::splat(radiance)),
-        rotation_deg: 0.0,
-        scale: 1.0,
-        sampling: Default::default(),
-    }
+    EnvironmentDesc::new(EnvironmentSource::Color(Vec3::splat(radiance)))
 }
 
 /// Returns a camera that looks at a box from the front, the right and above, at the distance at
@@ -98,12 +93,7 @@ fn studio_camera([low, high]: [Vec3; 2], resolution: [u32; 2]) -> CameraDesc {
     };
     let distance = corners([low, high]).map(distance_of).fold(0.0, f32::max);
     let radius = ((high - low).length() / 2.0).max(1e-6);
-    CameraDesc {
-        position: center + back * distance.max(1.1 * radius),
-        target: center,
-        optics: Optics::pinhole(FOV_DEG),
-        ..CameraDesc::default()
-    }
+    CameraDesc::pinhole(center + back * distance.max(1.1 * radius), center, FOV_DEG)
 }
 
 /// Adds a ground below a box and an area light above it.

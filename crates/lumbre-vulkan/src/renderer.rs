@@ -523,10 +523,7 @@ impl Renderer for VulkanRenderer {
     fn layer(&self, index: usize) -> Result<Film, RenderError> {
         if index >= self.films.layers().len() {
             let reason = format!("layer film {index} does not exist");
-            return Err(RenderError::Failed {
-                backend: self.kind.backend(),
-                reason,
-            });
+            return Err(RenderError::failed(self.kind.backend(), reason));
         }
         self.films
             .layer(index, self.film.samples)
@@ -550,10 +547,9 @@ impl Renderer for VulkanRenderer {
 
     fn restore(&mut self, state: &[u8]) -> Result<(), RenderError> {
         self.restore_state(state).map_err(|error| match error {
-            RestoreError::CheckpointMismatch(error) => RenderError::Failed {
-                backend: self.kind.backend(),
-                reason: error.to_string(),
-            },
+            RestoreError::CheckpointMismatch(error) => {
+                RenderError::failed(self.kind.backend(), error)
+            }
             RestoreError::Device(error) => {
                 session::forget(&self.device);
                 into_render_error(self.kind, error)

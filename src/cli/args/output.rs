@@ -2,6 +2,7 @@
 //! `reproduce` and `view`.
 
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use clap::Args;
 
@@ -40,7 +41,7 @@ pub struct DiffArgs {
     /// Map this error to the upper end of the colour scale.
     ///
     /// Default: the largest value of the metric, or the 99th percentile of the error.
-    #[arg(long, value_name = "ERROR", value_parser = positive)]
+    #[arg(long, value_name = "ERROR", value_parser = positive::<f32>)]
     pub max: Option<f32>,
     /// End with exit code 5 if a metric is worse than a value, or if the pictures differ by more
     /// than their noise (repeatable).
@@ -103,7 +104,7 @@ pub struct ReportArgs {
     #[arg(long, value_name = "COLUMN=VALUE", value_parser = threshold)]
     pub threshold: Vec<(String, f64)>,
     /// Compare at this render time in seconds [default: the longest time that all runs reached].
-    #[arg(long, value_name = "SECONDS", value_parser = positive_f64)]
+    #[arg(long, value_name = "SECONDS", value_parser = positive::<f64>)]
     pub at_time: Option<f64>,
     /// Draw heat maps over these two axes: horizontal, vertical.
     #[arg(long, value_name = "AXIS,AXIS", value_parser = two_axes)]
@@ -135,16 +136,13 @@ pub struct ReproduceArgs {
 
 /// Parses `x,y,w,h` in pixels.
 fn window(text: &str) -> Result<[u32; 4], String> {
-    let numbers: Vec<u32> = text
-        .split(',')
-        .filter_map(|n| n.trim().parse().ok())
-        .collect();
-    match numbers.as_slice() {
-        &[x, y, w, h] if w > 0 && h > 0 && text.split(',').count() == 4 => Ok([x, y, w, h]),
-        _ => Err(format!(
+    let numbers = numbers::<4>(text);
+    let numbers = numbers.ok().filter(|[.., w, h]| *w > 0 && *h > 0);
+    numbers.ok_or_else(|| {
+        format!(
             "expected left, top, width and height in pixels, such as 20,40,64,48, found `{text}`"
-        )),
-    }
+        )
+    })
 }
 
 /// Parses a value of the form `column=value`.
@@ -180,20 +178,9 @@ fn two_axes(text: &str) -> Result<[String; 2], String> {
 }
 
 /// Parses a positive finite number of double precision.
-fn positive_f64(text: &str) -> Result<f64, String> {
-    let number = text
-        .parse()
-        .ok()
-        .filter(|x: &f64| x.is_finite() && *x > 0.0);
-    number.ok_or_else(|| format!("expected a number above 0, found `{text}`"))
-}
-
-/// Parses a positive finite number of single precision.
-fn positive(text: &str) -> Result<f32, String> {
-    let number = text
-        .parse()
-        .ok()
-        .filter(|x: &f32| x.is_finite() && *x > 0.0);
+fn positive<T: FromStr + Copy + Into<f64>>(text: &str) -> Result<T, String> {
+    let is_positive = |x: f64| x.is_finite() && x > 0.0;
+    let number = text.parse().ok().filter(|x: &T| is_positive((*x).into()));
     number.ok_or_else(|| format!("expected a number above 0, found `{text}`"))
 }
 

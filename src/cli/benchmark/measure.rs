@@ -79,10 +79,8 @@ pub fn measure(
     for (done, task) in tasks.iter().enumerate() {
         let left_s = (budget_s - start.elapsed().as_secs_f64()).max(0.0);
         let share_s = left_s / (tasks.len() - done) as f64;
-        let job = Job {
-            threads: global.threads,
-            ..Job::plain(task.technique, resolution, MAX_DEPTH, SEED)
-        };
+        let job =
+            Job::plain(task.technique, resolution, MAX_DEPTH, SEED).on_threads(global.threads);
         let (cell, device) = measure_task(task, job, share_s)
             .map_err(|e| format!("{} by {}: {e}", task.scene_name, task.technique.name))?;
         progress(&format!(

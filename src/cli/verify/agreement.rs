@@ -9,14 +9,11 @@ use std::sync::Arc;
 
 use super::picture::{Attempt, NoisyPicture, Setting, confirmed, judge, render};
 use super::technique::{self, Technique};
-use super::{Check, VerifyRequest};
+use super::{Check, SeedFamily, VerifyRequest};
 use crate::cli::night::load;
 use crate::cli::scene::builtin::{BuiltIn, scene_name};
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_scene_io::load::MissingTextures;
-
-/// Identifies the seeds of these checks.
-const SEED_FAMILY: u64 = 2;
 
 /// One scene, its techniques, and a cache of pictures that several checks share.
 struct SceneRenders {
@@ -95,7 +92,7 @@ pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
                 resolution,
                 max_depth: scene.max_depth,
                 samples,
-                seed: request.seed(SEED_FAMILY, seeds),
+                seed: request.seed(SeedFamily::Agreement, seeds),
                 threads: request.threads,
                 ..Setting::PLAIN
             }

@@ -9,16 +9,13 @@ use glam::Vec3;
 
 use super::picture::{NoisyPicture, Setting, confirmed, judge, render};
 use super::technique::{self, Technique};
-use super::{Check, VerifyRequest};
+use super::{Check, SeedFamily, VerifyRequest};
 use lumbre_light::film::Image;
 use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{
-    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, Model,
-    Optics, SceneDesc, ShapeDesc, Transform, mesh_hash,
+    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, Model, SceneDesc,
 };
-
-/// Identifies the seeds of these checks.
-const SEED_FAMILY: u64 = 1;
+use lumbre_light::scene::simple::{ball, lambert, quad, quads, room};
 
 /// A scene with known radiance.
 pub(super) struct KnownScene {
@@ -65,7 +62,7 @@ pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
                 resolution: [side; 2],
                 max_depth: case.max_depth,
                 samples: case.samples,
-                seed: request.seed(SEED_FAMILY, seeds),
+                seed: request.seed(SeedFamily::Analytic, seeds),
                 threads: request.threads,
                 ..Setting::PLAIN
             };
@@ -231,12 +228,8 @@ fn ball_under_radiance(material: MaterialDesc, radiance: f32) -> SceneDesc {
         vec![material],
         vec![ball("ball", Vec3::ZERO, 1.0)],
     );
-    scene.environment = Some(EnvironmentDesc {
-        source: EnvironmentSource::Color(Vec3::splat(radiance)),
-        rotation_deg: 0.0,
-        scale: 1.0,
-        sampling: Default::default(),
-    });
+    let source = EnvironmentSource::Color(Vec3::splat(radiance));
+    scene.environment = Some(EnvironmentDesc::new(source));
     scene
 }
 
@@ -257,7 +250,7 @@ fn sphere_over_floor() -> KnownScene {
     );
     let materials = vec![lambert("floor", Vec3::splat(albedo)), lamp];
     let entities = vec![
-        mesh("floor", &[floor]),
+        quads("floor", &[floor]),
         ball("lamp", Vec3::Y * height, radius),
     ];
     let mut scene = scene(Vec3::Y * eye, Vec3::ZERO, 60.0, materials, entities);
@@ -277,14 +270,6 @@ fn sphere_over_floor() -> KnownScene {
     }
 }
 
-fn lambert(name: &str, base_color: Vec3) -> MaterialDesc {
-    MaterialDesc {
-        base_color,
-        model: Model::Lambert,
-        ..MaterialDesc::new(name)
-    }
-}
-
 fn scene(
     position: Vec3,
     target: Vec3,
@@ -295,66 +280,9 @@ fn scene(
     SceneDesc {
         resolution: [1, 1],
         max_depth: 1,
-        camera: CameraDesc {
-            position,
-            target,
-            optics: Optics::pinhole(fov_deg),
-            ..CameraDesc::default()
-        },
+        camera: CameraDesc::pinhole(position, target, fov_deg),
         materials: materials.into(),
         entities: entities.into(),
         ..SceneDesc::default()
     }
-}
-
-fn entity(material: &str, center: Vec3, shape: ShapeDesc) -> EntityDesc {
-    EntityDesc {
-        name: material.to_owned(),
-        transform: Transform {
-            translate: center,
-            ..Transform::default()
-        },
-        material: Some(material.to_owned()),
-        anisotropic_direction: None,
-        shape,
-    }
-}
-
-fn ball(material: &str, center: Vec3, radius: f32) -> EntityDesc {
-    entity(material, center, ShapeDesc::Sphere { radius })
-}
-
-/// Returns the corners of a parallelogram, counter-clockwise seen from its front `a x b`.
-fn quad(corner: Vec3, a: Vec3, b: Vec3) -> [Vec3; 4] {
-    [corner, corner + a, corner + a + b, corner + b]
-}
-
-/// Creates a cube around the origin whose fronts face inwards.
-fn room(half: f32) -> EntityDesc {
-    let axes = [(Vec3::X, Vec3::Y), (Vec3::Y, Vec3::Z), (Vec3::Z, Vec3::X)];
-    let walls = axes.iter().flat_map(|(n, a)| {
-        [-1.0, 1.0].map(|side| {
-            let b = (-*n * side).cross(*a);
-            quad(
-                *n * side * half - (*a + b) * half,
-                *a * 2.0 * half,
-                b * 2.0 * half,
-            )
-        })
-    });
-    mesh("walls", &walls.collect::<Vec<_>>())
-}
-
-fn mesh(material: &str, quads: &[[Vec3; 4]]) -> EntityDesc {
-    let mut mesh = MeshDesc {
-        positions: quads.concat(),
-        triangles: (0..quads.len() as u32)
-            .flat_map(|q| [[0, 1, 2], [0, 2, 3]].map(|t| t.map(|i| 4 * q + i)))
-            .collect(),
-        slots: vec![material.to_owned()],
-        triangle_slot: vec![0; 2 * quads.len()],
-        ..MeshDesc::default()
-    };
-    mesh.content_hash = mesh_hash(&mesh);
-    entity(material, Vec3::ZERO, ShapeDesc::Mesh(Arc::new(mesh)))
 }

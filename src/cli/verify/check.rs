@@ -23,10 +23,22 @@ pub struct VerifyRequest {
     pub files: Vec<PathBuf>,
 }
 
+/// Families of checks by the number in their seeds.
+#[derive(Clone, Copy)]
+pub(super) enum SeedFamily {
+    Analytic = 1,
+    Agreement = 2,
+    Reference = 3,
+    Picture = 4,
+    Consistent = 5,
+    Density = 6,
+    Mitsuba = 7,
+}
+
 impl VerifyRequest {
     /// Seed of picture `index` in a family of checks; independent of which other checks run.
-    pub(super) fn seed(&self, family: u64, index: usize) -> u64 {
-        self.seed.wrapping_mul(1 << 32) ^ family << 24 ^ index as u64
+    pub(super) fn seed(&self, family: SeedFamily, index: usize) -> u64 {
+        self.seed.wrapping_mul(1 << 32) ^ (family as u64) << 24 ^ index as u64
     }
 }
 

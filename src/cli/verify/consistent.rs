@@ -11,15 +11,12 @@ use serde_json::json;
 use super::analytic::{known_scenes, truth};
 use super::picture::{NoisyPicture, Setting, render};
 use super::technique::Technique;
-use super::{Check, Outcome, SIGNIFICANCE, Verdict, VerifyRequest};
+use super::{Check, Outcome, SIGNIFICANCE, SeedFamily, Verdict, VerifyRequest};
 use lumbre_light::math::stats::sidak;
 use lumbre_light::math::t_test::two_sided_p;
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::{IntegratorRow, integrators, settings};
 use lumbre_light::value::Value;
-
-/// Identifies the seeds of these checks.
-const SEED_FAMILY: u64 = 5;
 
 /// Largest difference of the ratio of means from one that the bias may cause.
 const BOUND: f64 = 0.02;
@@ -62,7 +59,7 @@ pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
                 resolution: [SIDE; 2],
                 max_depth: case.max_depth,
                 samples: if request.quick { SAMPLES / 4 } else { SAMPLES },
-                seed: request.seed(SEED_FAMILY, checks.len() * PARTS as usize),
+                seed: request.seed(SeedFamily::Consistent, checks.len() * PARTS as usize),
                 threads: request.threads,
                 ..Setting::PLAIN
             };

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use serde_json::json;
 
 use super::technique::Technique;
-use super::{Check, Outcome, Verdict, VerifyRequest};
+use super::{Check, Outcome, SeedFamily, Verdict, VerifyRequest};
 use crate::cli::night::load;
 use crate::cli::scene::builtin::{BuiltIn, scene_name};
 use lumbre_light::scene::{CompiledScene, compile};
@@ -24,9 +24,6 @@ use lumbre_light::transport::mis;
 use lumbre_light::value::Value;
 use lumbre_render::cpu::bvh::accel::Accel;
 use lumbre_scene_io::load::MissingTextures;
-
-/// Identifies the seeds of these checks.
-const SEED_FAMILY: u64 = 4;
 
 /// Resolution of the pictures whose paths are checked.
 const RESOLUTION: [u32; 2] = [64, 64];
@@ -63,7 +60,7 @@ pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
             load::load_scene(&file, MissingTextures::Fail).map_err(|e| e.to_string())?;
         let scene = Rc::new(Arc::new(compile(&desc).map_err(|e| e.to_string())?.0));
         for technique in &techniques {
-            let seed = request.seed(SEED_FAMILY, checks.len());
+            let seed = request.seed(SeedFamily::Density, checks.len());
             let (scene, technique) = (Rc::clone(&scene), technique.clone());
             let compared = format!("{technique}: weights with their definition");
             checks.push(Check::new(scene_name(&file), compared, move |_| {

@@ -8,6 +8,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use crate::cli::scene::builtin::BuiltIn;
+use lumbre_night::paths::{files_below, name};
 use lumbre_night::store::StoredFile;
 use lumbre_night::store::schema::journal::{JournalEvent, JournalLine, OutcomeKind};
 use lumbre_night::store::schema::run::DoneFile;
@@ -173,7 +174,7 @@ impl NightLauncher {
                 .and_then(|()| child.wait())
                 .map_err(|e| e.to_string())?;
             report.kills += 1;
-            let left = files(out);
+            let left = files_below(out);
             report.checkpoints +=
                 u32::from(left.iter().any(|file| name(file).starts_with("ckpt.")));
             children[victim] = self.start(out)?;
@@ -240,33 +241,10 @@ impl Random {
     }
 }
 
-fn name(file: &Path) -> String {
-    file.file_name()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned()
-}
-
-/// Returns all files below a folder, without links.
-fn files(folder: &Path) -> Vec<PathBuf> {
-    let mut paths = Vec::new();
-    let mut pending = vec![folder.to_owned()];
-    while let Some(next) = pending.pop() {
-        for entry in std::fs::read_dir(next).into_iter().flatten().flatten() {
-            match entry.file_type() {
-                Ok(kind) if kind.is_dir() => pending.push(entry.path()),
-                Ok(kind) if kind.is_file() => paths.push(entry.path()),
-                _ => {}
-            }
-        }
-    }
-    paths
-}
-
 /// Returns the files of a night by relative path, without clock values, logs and locks.
 fn contents(out: &Path) -> Result<BTreeMap<String, Vec<u8>>, String> {
     let mut contents = BTreeMap::new();
-    for file in files(out) {
+    for file in files_below(out) {
         let name = name(&file);
         if [
             "journal.jsonl",
@@ -364,7 +342,7 @@ fn differences(
 fn leftovers(out: &Path) -> Vec<String> {
     let is_leftover =
         |name: &str| name.starts_with("ckpt.") || name == "claim" || name == "failed.json";
-    files(out)
+    files_below(out)
         .iter()
         .map(|f| name(f))
         .filter(|n| is_leftover(n))
@@ -375,7 +353,7 @@ fn leftovers(out: &Path) -> Vec<String> {
 /// Returns runs that the journal records as finished more than once.
 fn done_twice(out: &Path) -> Vec<String> {
     let mut counts: BTreeMap<String, u32> = BTreeMap::new();
-    for file in files(out)
+    for file in files_below(out)
         .iter()
         .filter(|file| name(file) == "journal.jsonl")
     {

@@ -24,49 +24,29 @@ use std::time::Instant;
 use super::args::{Global, VerifyArgs};
 use super::exit::{Exit, Failure, print_result, print_status};
 use super::format::duration;
+use check::SeedFamily;
 pub use check::{Check, Outcome, SIGNIFICANCE, Verdict, VerifyRequest};
 use report::VerifyReport;
 
-/// A family of checks.
-struct CheckFamily {
-    name: &'static str,
-    /// Lists the checks. An error is reported to the user before any check runs.
-    plan: fn(&VerifyRequest) -> Result<Vec<Check>, String>,
-}
+/// A family of checks: its name, and a function that lists its checks. An error of the function is
+/// reported to the user before any check runs.
+type CheckFamily = (
+    &'static str,
+    fn(&VerifyRequest) -> Result<Vec<Check>, String>,
+);
 
 /// All families of checks.
 const FAMILIES: &[CheckFamily] = &[
-    CheckFamily {
-        name: "analytic",
-        plan: analytic::plan,
-    },
-    CheckFamily {
-        name: "consistent",
-        plan: consistent::plan,
-    },
-    CheckFamily {
-        name: "density",
-        plan: density::plan,
-    },
-    CheckFamily {
-        name: "agreement",
-        plan: agreement::plan,
-    },
-    CheckFamily {
-        name: "reference",
-        plan: references::plan,
-    },
-    CheckFamily {
-        name: "picture",
-        plan: pictures::plan,
-    },
+    ("analytic", analytic::plan),
+    ("consistent", consistent::plan),
+    ("density", density::plan),
+    ("agreement", agreement::plan),
+    ("reference", references::plan),
+    ("picture", pictures::plan),
 ];
 
 /// The family of checks against Mitsuba, which replaces the others.
-const MITSUBA: &[CheckFamily] = &[CheckFamily {
-    name: "mitsuba",
-    plan: mitsuba::plan,
-}];
+const MITSUBA: &[CheckFamily] = &[("mitsuba", mitsuba::plan)];
 
 /// Runs the kill test and reports its result.
 fn run_kill_test(kills: u32, args: &VerifyArgs, global: &Global) -> Result<Exit, Failure> {
@@ -129,9 +109,9 @@ fn selected_checks(
     only: &[String],
 ) -> Result<Vec<(&'static str, Check)>, Failure> {
     let mut checks = Vec::new();
-    for family in families {
-        let planned = (family.plan)(request).map_err(Failure::usage)?;
-        checks.extend(planned.into_iter().map(|check| (family.name, check)));
+    for (name, plan) in families {
+        let planned = plan(request).map_err(Failure::usage)?;
+        checks.extend(planned.into_iter().map(|check| (*name, check)));
     }
     checks.retain(|(family, check)| {
         let row = format!("{family} {} {}", check.name, check.compared);

@@ -196,15 +196,13 @@ pub fn render(
     technique: &Technique,
     setting: Setting,
 ) -> Result<NoisyPicture, String> {
-    let job = Job {
-        threads: setting.threads,
-        ..Job::plain(
-            technique.row,
-            setting.resolution,
-            setting.max_depth,
-            setting.seed,
-        )
-    }
+    let job = Job::plain(
+        technique.row,
+        setting.resolution,
+        setting.max_depth,
+        setting.seed,
+    )
+    .on_threads(setting.threads)
     .with(|settings| {
         settings.params = technique.params.clone();
         settings.rr_start = setting.rr_start;

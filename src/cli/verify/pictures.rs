@@ -13,7 +13,7 @@ use std::sync::Arc;
 use serde_json::json;
 
 use super::references::picture;
-use super::{Check, Outcome, Verdict, VerifyRequest};
+use super::{Check, Outcome, SeedFamily, Verdict, VerifyRequest};
 use crate::cli::night::load;
 use lumbre_light::film::Image;
 use lumbre_light::math::stats::median;
@@ -32,9 +32,6 @@ const MAX_RATIO_ERROR: f64 = 0.005;
 
 /// Number of pictures, each with a part of the samples, from which the noise is estimated.
 pub const PARTS: u64 = 8;
-
-/// Identifies the seeds of these checks.
-const SEED_FAMILY: u64 = 4;
 
 /// Factor by which pictures are reduced along each side; twice as much in a quick run.
 const SHRINK: u32 = 8;
@@ -127,7 +124,7 @@ pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
             row.integrator, row.max_depth, row.doc
         );
         let (seed, threads, folder) = (
-            request.seed(SEED_FAMILY, i),
+            request.seed(SeedFamily::Picture, i),
             request.threads,
             folder.clone(),
         );

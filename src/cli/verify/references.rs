@@ -21,7 +21,7 @@ use serde_json::json;
 
 use super::picture::{Judgement, NoisyPicture, Setting, confirmed, judge, render};
 use super::technique::{self, Technique};
-use super::{Check, Outcome, Verdict, VerifyRequest};
+use super::{Check, Outcome, SeedFamily, Verdict, VerifyRequest};
 use crate::cli::night::load;
 use lumbre_light::film::Image;
 use lumbre_light::math::stats::{normal_two_sided_p, sidak};
@@ -43,9 +43,6 @@ const GLASS_FACTOR: u64 = 4;
 /// Smallest number of samples per pixel, used for the largest pictures.
 const MIN_SAMPLES: u64 = 2;
 
-/// Identifies the seeds of these checks.
-const SEED_FAMILY: u64 = 3;
-
 /// Side of a block in pixels.
 const BLOCK: u32 = 20;
 
@@ -61,13 +58,15 @@ const MAX_FOLDERS: u32 = 4;
 /// Number of camera rays per pixel for detecting glass.
 const PROBES: u64 = 16;
 
-/// Material model of a reference.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Surfaces {
-    /// Lambert reflectors only.
-    Diffuse,
-    /// Mitsuba's principled BSDF.
-    Principled,
+lumbre_light::named! {
+    /// Material model of a reference.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Surfaces {
+        /// Lambert reflectors only.
+        Diffuse = "diffuse",
+        /// Mitsuba's principled BSDF.
+        Principled = "principled",
+    }
 }
 
 /// A picture rendered by another program, and its scene.
@@ -136,7 +135,8 @@ pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
                     (paths / reference.picture.mean.data.len().max(1) as u64).max(MIN_SAMPLES);
                 for technique in technique::plain() {
                     seeds += 1;
-                    let (seed, threads) = (request.seed(SEED_FAMILY, seeds), request.threads);
+                    let (seed, threads) =
+                        (request.seed(SeedFamily::Reference, seeds), request.threads);
                     let compared =
                         format!("{technique} with {} surfaces", reference.surfaces.name());
                     let reference = Arc::clone(&reference);
@@ -281,15 +281,11 @@ impl ReferenceSettings {
 
     /// Returns the material model, or the reason why the reference is excluded.
     fn surfaces(&self) -> Result<Surfaces, String> {
-        let surfaces = match self.bsdf_mode.as_str() {
-            "diffuse" => Surfaces::Diffuse,
-            "principled" => Surfaces::Principled,
-            other => {
-                return Err(format!(
-                    "its `bsdf_mode` is `{other}`; supported: diffuse, principled"
-                ));
-            }
-        };
+        let mode = &self.bsdf_mode;
+        let surfaces = Surfaces::from_name(mode).ok_or_else(|| {
+            let names = Surfaces::NAMES.join(", ");
+            format!("its `bsdf_mode` is `{mode}`; supported: {names}")
+        })?;
         let filter = self.pixel_filter.as_ref();
         let filter = filter.map_or("unknown", |filter| filter.kind.as_str());
         if filter != "box" {
@@ -358,15 +354,6 @@ fn find_below(folder: &Path, name: &str, folders: u32) -> Option<PathBuf> {
     inner
         .iter()
         .find_map(|path| find_below(path, name, folders - 1))
-}
-
-impl Surfaces {
-    fn name(self) -> &'static str {
-        match self {
-            Surfaces::Diffuse => "diffuse",
-            Surfaces::Principled => "principled",
-        }
-    }
 }
 
 impl Reference {

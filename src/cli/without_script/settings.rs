@@ -7,11 +7,10 @@ use std::path::Path;
 use crate::cli::args::{Global, PictureArgs, RenderArgs};
 use crate::cli::exit::Failure;
 use lumbre_light::value::Value;
-use lumbre_metrics::tonemap::Tonemap;
 use lumbre_night::experiment::hook_error::HookError;
 use lumbre_night::experiment::outcome::WaveRow;
 use lumbre_night::experiment::plan::expand;
-use lumbre_night::experiment::spec::{MeasureSpec, ReferenceRequest, Snapshots};
+use lumbre_night::experiment::spec::{MeasureSpec, ReferenceRequest};
 use lumbre_night::experiment::{ExperimentSpec, Overrides, Plan, Point, ScriptHooks, StopRule};
 use lumbre_night::paths::extension;
 use lumbre_render::Settings;
@@ -138,26 +137,13 @@ fn twice(key: &str) -> Failure {
 fn experiment() -> ExperimentSpec {
     ExperimentSpec {
         name: "render".to_owned(),
-        seed: 0,
         repeats: 1,
         script_file: "render".into(),
-        script_text: String::new(),
-        script_hash: [0; 32],
-        axes: Vec::new(),
-        skips: Vec::new(),
         measure: MeasureSpec {
             every_s: f64::MAX,
-            metrics: Vec::new(),
-            snapshots: Snapshots::Last,
-            captures: false,
-            display: Tonemap::Srgb { exposure: 0.0 },
+            ..MeasureSpec::default()
         },
-        night: Default::default(),
-        aa_check: false,
-        figures: Vec::new(),
-        tables: Vec::new(),
-        sheets: Vec::new(),
-        report: Default::default(),
+        ..ExperimentSpec::default()
     }
 }
 

@@ -168,12 +168,7 @@ fn closed() -> CompiledScene {
                 ..WHITE
             },
         )
-        .quad(
-            Vec3::new(-0.3, 0.95, -0.3),
-            Vec3::X * 0.6,
-            Vec3::Z * 0.6,
-            light(6.0),
-        )
+        .ceiling(0.3, 0.95, light(6.0))
         .sphere(Vec3::new(-0.5, -0.6, -0.4), 0.3, rough_glass)
         .sphere(Vec3::new(0.5, -0.7, -0.2), 0.25, varnished)
         .sphere(Vec3::new(0.0, -0.8, 0.2), 0.15, metal)

@@ -1,46 +1,17 @@
 //! Checkpoints: the clock of a run that resumes in the middle of a wave, and when they are written.
 
-use std::io::{self, Write};
 use std::sync::Arc;
 use std::time::Duration;
 
-use lumbre_light::film::Film;
 use lumbre_night::experiment::run::Open;
 use lumbre_night::experiment::{NightSummary, Outcome, StopRule, WaveRow};
 use lumbre_render::mock::{MockRenderer, SECONDS_PER_PATH};
-use lumbre_render::{Advance, OpenStats, RenderError, Renderer, WaveStats};
+use lumbre_render::{Renderer, WaveStats};
 
-use crate::experiment::fixtures::{Lab, Memory, Night, outcomes};
+use crate::experiment::fixtures::{Lab, Memory, Night, Wrapped, outcomes};
 
 /// Render time of a sample of [`Lab::new`] in seconds: that of 8x4 paths.
 const SAMPLE_S: f64 = 32.0 * SECONDS_PER_PATH;
-
-/// A mock renderer of which each sample takes `sample_s` seconds of render time.
-struct SlowRenderer {
-    mock: MockRenderer,
-    sample_s: f64,
-}
-
-impl Renderer for SlowRenderer {
-    fn render(&mut self, request: &Advance<'_>) -> Result<WaveStats, RenderError> {
-        Ok(WaveStats {
-            render_s: self.sample_s * request.samples as f64,
-            ..self.mock.render(request)?
-        })
-    }
-
-    fn film(&self) -> &Film {
-        self.mock.film()
-    }
-
-    fn save(&self, to: &mut dyn Write) -> io::Result<bool> {
-        self.mock.save(to)
-    }
-
-    fn open_stats(&self) -> &OpenStats {
-        self.mock.open_stats()
-    }
-}
 
 fn render(night: &Night<'_>, lab: &Lab) -> NightSummary {
     night.render(lab, &Arc::new(lab.plan()), &mut []).unwrap()
@@ -102,10 +73,13 @@ fn checkpoint_clocks(
             ..Memory::with_checkpoints()
         },
         open: &|_, scene, job| {
-            Ok(Box::new(SlowRenderer {
-                mock: MockRenderer::new(scene, job),
-                sample_s,
-            }))
+            let mock = MockRenderer::new(scene, job);
+            Ok(Box::new(Wrapped::new(mock, move |mock, request| {
+                Ok(WaveStats {
+                    render_s: sample_s * request.samples as f64,
+                    ..mock.render(request)?
+                })
+            })))
         },
         ..Night::default()
     };

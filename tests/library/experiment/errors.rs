@@ -5,7 +5,7 @@ use lumbre_night::experiment::hook_error::HookError;
 use lumbre_night::experiment::spec::ReferenceRequest;
 use lumbre_night::experiment::{StopRule, stop::Comparison};
 
-use crate::experiment::fixtures::{Lab, config, ints};
+use crate::experiment::fixtures::{Lab, config, ints, rendered};
 
 fn refusal(lab: &Lab) -> String {
     lab.try_plan().unwrap_err().to_string()
@@ -13,11 +13,7 @@ fn refusal(lab: &Lab) -> String {
 
 fn refusal_of(change: impl Fn(&mut lumbre_render::Settings) + 'static) -> String {
     let mut lab = Lab::new().axis("depth", ints([3]));
-    lab.render = Box::new(move |_| {
-        let mut config = config();
-        change(&mut config);
-        Ok(config)
-    });
+    lab.configure(move |_, config| change(config));
     refusal(&lab)
 }
 
@@ -155,14 +151,7 @@ fn stop_rules_that_cannot_apply_to_their_run_are_refused() {
     );
     let rule = rmse.clone();
     lab.stop = Box::new(|_| Ok(StopRule::Samples(4)));
-    lab.reference = Box::new(move |_| {
-        Ok(Some(ReferenceRequest::Render {
-            config: Box::new(config()),
-            stop: rule.clone(),
-            bias_check: None,
-            shards: 1,
-        }))
-    });
+    lab.reference = Box::new(move |_| Ok(Some(rendered(config(), rule.clone()))));
     assert_eq!(
         refusal(&lab),
         "stop rule of the reference at depth = 3: the stop rule uses `rmse`, which is not measured \
@@ -182,12 +171,7 @@ fn references_of_another_size_or_without_a_readable_file_are_refused() {
     lab.reference = Box::new(|_| {
         let mut config = config();
         config.resolution = Some([8, 5]);
-        Ok(Some(ReferenceRequest::Render {
-            config: Box::new(config),
-            stop: StopRule::Samples(4),
-            bias_check: None,
-            shards: 1,
-        }))
+        Ok(Some(rendered(config, StopRule::Samples(4))))
     });
     assert_eq!(
         refusal(&lab),

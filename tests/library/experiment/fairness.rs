@@ -3,7 +3,6 @@
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex};
 
-use lumbre_light::film::Film;
 use lumbre_light::transport::camera::FilterKind;
 use lumbre_night::experiment::aa_check::{Finding, check};
 use lumbre_night::experiment::outcome::Level;
@@ -15,10 +14,10 @@ use lumbre_night::experiment::{
 };
 use lumbre_render::Settings;
 use lumbre_render::mock::MockRenderer;
-use lumbre_render::{Advance, Job, OpenStats, RenderError, Renderer, WaveStats};
+use lumbre_render::{Advance, Job, RenderError, Renderer, WaveStats};
 
 use crate::experiment::fixtures::{
-    Lab, Memory, Night, Recorder, all_done, at, config, ints, outcomes, whole_at,
+    Lab, Memory, Night, Recorder, Wrapped, all_done, at, config, ints, outcomes, whole_at,
 };
 
 /// Returns three techniques at two depths.
@@ -28,25 +27,15 @@ fn lab(order: Order) -> Lab {
         .axis("technique", ["bpt", "nee", "bdpt"]);
     lab.spec.night.order = order;
     lab.spec.measure.every_s = 0.4;
-    lab.render = Box::new(|p| {
-        let mut config = config();
+    lab.configure(|p, config| {
         config.integrator = at(p, "technique").as_str().unwrap_or_default().to_owned();
         config.max_depth = Some(whole_at(p, "depth"));
-        Ok(config)
     });
     lab.stop = Box::new(|_| Ok(StopRule::Samples(400)));
     lab
 }
 
-/// A renderer on a machine that becomes slower with the time it has worked.
-struct SlowingRenderer {
-    inner: MockRenderer,
-    seed: u64,
-    machine: Arc<Machine>,
-    /// Seconds per sample on a machine that has not worked yet.
-    sample_s: f64,
-}
-
+/// A machine that becomes slower with the time it has worked.
 #[derive(Default)]
 struct Machine {
     worked_s: Mutex<f64>,
@@ -58,37 +47,29 @@ struct Machine {
     ahead: Mutex<Vec<(u64, u64)>>,
 }
 
-impl Renderer for SlowingRenderer {
-    fn render(&mut self, request: &Advance<'_>) -> Result<WaveStats, RenderError> {
+impl Machine {
+    /// Renders with a job of this seed; `sample_s` is the time in seconds of a sample on a machine
+    /// that has not worked yet.
+    fn render(
+        &self,
+        (seed, sample_s): (u64, f64),
+        mock: &mut MockRenderer,
+        request: &Advance<'_>,
+    ) -> Result<WaveStats, RenderError> {
         let samples = request.samples;
-        let stats = self.inner.render(request)?;
-        self.machine
-            .calls
-            .lock()
-            .unwrap()
-            .push((self.seed, samples));
-        self.machine
-            .ahead
-            .lock()
-            .unwrap()
-            .push((self.film().samples, request.more));
-        let mut worked_s = self.machine.worked_s.lock().unwrap();
+        let stats = mock.render(request)?;
+        self.calls.lock().unwrap().push((seed, samples));
+        let ahead = (mock.film().samples, request.more);
+        self.ahead.lock().unwrap().push(ahead);
+        let mut worked_s = self.worked_s.lock().unwrap();
         let before_s = *worked_s;
         for _ in 0..samples {
-            *worked_s += self.sample_s * (1.0 + self.machine.drift * *worked_s);
+            *worked_s += sample_s * (1.0 + self.drift * *worked_s);
         }
         Ok(WaveStats {
             render_s: *worked_s - before_s,
             ..stats
         })
-    }
-
-    fn film(&self) -> &Film {
-        self.inner.film()
-    }
-
-    fn open_stats(&self) -> &OpenStats {
-        self.inner.open_stats()
     }
 }
 
@@ -109,13 +90,11 @@ fn night(lab: &Lab, drift: f64) -> (NightSummary, Recorder, Arc<Plan>, Arc<Machi
             let inner = MockRenderer::new(scene, job).failing_after(10);
             return Ok(Box::new(inner));
         }
-        let seed = job.seed;
-        Ok(Box::new(SlowingRenderer {
-            inner: MockRenderer::new(scene, job),
-            seed,
-            machine: Arc::clone(&machine),
-            sample_s,
-        }))
+        let (machine, work) = (Arc::clone(&machine), (job.seed, sample_s));
+        let mock = MockRenderer::new(scene, job);
+        Ok(Box::new(Wrapped::new(mock, move |mock, request| {
+            machine.render(work, mock, request)
+        })))
     };
     let plan = Arc::new(lab.plan());
     let mut recorder = Recorder::default();
@@ -206,12 +185,10 @@ fn only_techniques_differ_within_an_interleave_group() {
     let groups = |change: Change| {
         let mut lab = Lab::new().axis("changed", ints([0, 1]));
         lab.spec.night.order = Order::Interleave;
-        lab.render = Box::new(move |p| {
-            let mut config = config();
+        lab.configure(move |p, config| {
             if whole_at(p, "changed") == 1 {
-                change(&mut config);
+                change(config);
             }
-            Ok(config)
         });
         lab.plan().interleave_groups(false)
     };

@@ -2,17 +2,17 @@
 
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
 use glam::Vec3;
 use lumbre_light::film::{Film, Image};
-use lumbre_light::scene::desc::{CameraDesc, EntityDesc, MaterialDesc, Optics, ShapeDesc};
+use lumbre_light::scene::desc::{CameraDesc, EntityDesc, MaterialDesc, ShapeDesc};
 use lumbre_light::scene::{Note, SceneDesc, SceneError};
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
-use lumbre_metrics::tonemap::Tonemap;
 use lumbre_night::experiment::event::{FinishedRun, History, SaveState};
 use lumbre_night::experiment::hook_error::HookError;
 use lumbre_night::experiment::noise_floor::HalfImages;
@@ -21,13 +21,13 @@ use lumbre_night::experiment::plan::{LoadedScene, expand};
 use lumbre_night::experiment::run::{Open, Seams, run_with};
 use lumbre_night::experiment::run_progress::{Checkpoint, Claim, RunProgress};
 use lumbre_night::experiment::shards::WorkUnit;
-use lumbre_night::experiment::spec::{Axis, MeasureSpec, ReferenceRequest, Snapshots};
+use lumbre_night::experiment::spec::{Axis, MeasureSpec, ReferenceRequest};
 use lumbre_night::experiment::{
     CellRef, Event, ExperimentSpec, NightControls, NightSummary, Outcome, Overrides, Plan,
     PlanError, Point, RunError, RunId, ScriptHooks, Sink, SinkError, StopRule, WaveRow,
 };
-use lumbre_render::Settings;
 use lumbre_render::mock::MockRenderer;
+use lumbre_render::{Advance, OpenStats, Picture, RenderError, Renderer, Settings, WaveStats};
 
 pub type Hook<T> = Box<dyn Fn(&Point) -> Result<T, HookError>>;
 pub type SkipHook = Box<dyn Fn(usize, &Point) -> Result<bool, HookError>>;
@@ -111,6 +111,15 @@ impl Lab {
         self
     }
 
+    /// Renders every point with [`config`] after a change.
+    pub fn configure(&mut self, change: impl Fn(&Point, &mut Settings) + 'static) {
+        self.render = Box::new(move |point| {
+            let mut config = config();
+            change(point, &mut config);
+            Ok(config)
+        });
+    }
+
     /// Measures RMSE against a reference of 4096 samples of the same configuration.
     pub fn measured(mut self) -> Lab {
         self.spec.measure.metrics = vec![MetricSpec::new("rmse", "rmse", BTreeMap::new()).unwrap()];
@@ -118,14 +127,7 @@ impl Lab {
         let render = std::rc::Rc::new(render);
         let again = std::rc::Rc::clone(&render);
         self.render = Box::new(move |p| render(p));
-        self.reference = Box::new(move |p| {
-            Ok(Some(ReferenceRequest::Render {
-                config: Box::new(again(p)?),
-                stop: StopRule::Samples(4096),
-                bias_check: None,
-                shards: 1,
-            }))
-        });
+        self.reference = Box::new(move |p| Ok(Some(rendered(again(p)?, StopRule::Samples(4096)))));
         self
     }
 
@@ -152,21 +154,11 @@ fn spec() -> ExperimentSpec {
         script_file: "lab.lua".into(),
         script_text: "-- lab".into(),
         script_hash: [5; 32],
-        axes: Vec::new(),
-        skips: Vec::new(),
         measure: MeasureSpec {
             every_s: 1e6,
-            metrics: Vec::new(),
-            snapshots: Snapshots::Last,
-            captures: false,
-            display: Tonemap::Srgb { exposure: 0.0 },
+            ..MeasureSpec::default()
         },
-        night: Default::default(),
-        aa_check: false,
-        figures: Vec::new(),
-        tables: Vec::new(),
-        sheets: Vec::new(),
-        report: Default::default(),
+        ..ExperimentSpec::default()
     }
 }
 
@@ -196,14 +188,7 @@ pub fn load_scene(file: &Path) -> LoadedScene {
     let scene = SceneDesc {
         resolution: [32, 16],
         max_depth: 7,
-        camera: CameraDesc {
-            position: Vec3::new(0.0, 0.0, 4.0),
-            target: Vec3::ZERO,
-            up: Vec3::Y,
-            optics: Optics::pinhole(40.0),
-            focus_distance: None,
-            ..CameraDesc::default()
-        },
+        camera: CameraDesc::pinhole(Vec3::new(0.0, 0.0, 4.0), Vec3::ZERO, 40.0),
         materials: vec![egg].into(),
         entities: vec![EntityDesc {
             material: Some("egg".into()),
@@ -219,13 +204,18 @@ pub fn load_scene(file: &Path) -> LoadedScene {
 /// Returns an experiment with a cell for each depth, so that points render different pictures.
 pub fn depths(values: impl IntoIterator<Item = i64>) -> Lab {
     let mut lab = Lab::new().axis("depth", values.into_iter().map(Value::Int));
-    lab.render = Box::new(|p| {
-        Ok(Settings {
-            max_depth: Some(whole_at(p, "depth")),
-            ..config()
-        })
-    });
+    lab.configure(|p, config| config.max_depth = Some(whole_at(p, "depth")));
     lab
+}
+
+/// Returns the request of a reference that is rendered in one part, without a bias check.
+pub fn rendered(config: Settings, stop: StopRule) -> ReferenceRequest {
+    ReferenceRequest::Render {
+        config: Box::new(config),
+        stop,
+        bias_check: None,
+        shards: 1,
+    }
 }
 
 /// Returns the value of an axis at a point.
@@ -514,5 +504,74 @@ impl Night<'_> {
             .render(lab, &Arc::new(lab.plan()), &mut [&mut recorder])
             .unwrap();
         (summary, recorder)
+    }
+}
+
+/// A mock renderer whose calls of `render` are handled by a function. After that returned
+/// [`RenderError::Lost`], every call fails.
+pub struct Wrapped<F> {
+    mock: MockRenderer,
+    act: F,
+    lost: Option<RenderError>,
+    /// Seconds that the filter of a picture takes; 0 without a filter.
+    pub filter_s: f64,
+}
+
+impl<F> Wrapped<F>
+where
+    F: FnMut(&mut MockRenderer, &Advance<'_>) -> Result<WaveStats, RenderError>,
+{
+    /// Wraps a renderer.
+    pub fn new(mock: MockRenderer, act: F) -> Wrapped<F> {
+        Wrapped {
+            mock,
+            act,
+            lost: None,
+            filter_s: 0.0,
+        }
+    }
+}
+
+impl<F> Renderer for Wrapped<F>
+where
+    F: FnMut(&mut MockRenderer, &Advance<'_>) -> Result<WaveStats, RenderError> + Send,
+{
+    fn render(&mut self, request: &Advance<'_>) -> Result<WaveStats, RenderError> {
+        if let Some(lost) = &self.lost {
+            return Err(lost.clone());
+        }
+        let result = (self.act)(&mut self.mock, request);
+        self.lost = result
+            .clone()
+            .err()
+            .filter(|error| matches!(error, RenderError::Lost { .. }));
+        result
+    }
+
+    fn film(&self) -> &Film {
+        self.mock.film()
+    }
+
+    fn picture(&mut self) -> Result<Picture, RenderError> {
+        Ok(Picture {
+            extra_s: self.filter_s,
+            denoised: self.filter_s > 0.0,
+            ..self.mock.picture()?
+        })
+    }
+
+    fn save(&self, to: &mut dyn Write) -> io::Result<bool> {
+        match &self.lost {
+            Some(lost) => Err(io::Error::other(lost.clone())),
+            None => self.mock.save(to),
+        }
+    }
+
+    fn restore(&mut self, state: &[u8]) -> Result<(), RenderError> {
+        self.mock.restore(state)
+    }
+
+    fn open_stats(&self) -> &OpenStats {
+        self.mock.open_stats()
     }
 }

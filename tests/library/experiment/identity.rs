@@ -10,14 +10,14 @@ use lumbre_metrics::MetricSpec;
 use lumbre_metrics::tonemap::Tonemap;
 use lumbre_night::experiment::plan::{Overrides, ReferenceSource};
 use lumbre_night::experiment::spec::{
-    FigureKind, FigureSpec, FigureX, ReferenceRequest, RunColumn, SheetSpec, Snapshots,
-    TableFormat, TableSpec, TableValue,
+    FigureKind, FigureSpec, FigureX, RunColumn, SheetSpec, Snapshots, TableFormat, TableSpec,
+    TableValue,
 };
 use lumbre_night::experiment::{Plan, StopRule, stop::Comparison};
 use lumbre_render::Settings;
 use lumbre_render::hierarchy::{Builder, Quality};
 
-use crate::experiment::fixtures::{Lab, at, config, ints};
+use crate::experiment::fixtures::{Lab, at, config, ints, rendered};
 
 /// The inputs of a one-cell experiment, each of which a test may change.
 struct Inputs {
@@ -80,13 +80,8 @@ impl Inputs {
         lab.render = Box::new(move |_| Ok(config.clone()));
         lab.stop = Box::new(move |_| Ok(stop.clone()));
         lab.reference = Box::new(move |_| {
-            let config = Box::new(reference_config.clone());
-            Ok(Some(ReferenceRequest::Render {
-                config,
-                stop: reference_stop.clone(),
-                bias_check: None,
-                shards: 1,
-            }))
+            let config = reference_config.clone();
+            Ok(Some(rendered(config, reference_stop.clone())))
         });
         lab.plan()
     }
@@ -383,11 +378,7 @@ fn a_cell_without_a_reference_does_not_depend_on_metrics() {
 fn the_hash_of_a_plan_depends_on_its_name_cells_figures_tables_and_sheets() {
     let lab = || {
         let mut lab = Lab::new().axis("depth", ints([3, 5]));
-        lab.render = Box::new(|p| {
-            let mut config = config();
-            config.max_depth = at(p, "depth").as_i64().map(|d| d as u32);
-            Ok(config)
-        });
+        lab.configure(|p, config| config.max_depth = at(p, "depth").as_i64().map(|d| d as u32));
         lab
     };
     let table = || TableSpec {

@@ -11,33 +11,20 @@ use lumbre_night::experiment::run::{Open, RunError};
 use lumbre_night::experiment::{CellRef, EndCause, Event, Outcome, Sink, SinkError, StopRule};
 use lumbre_render::Settings;
 use lumbre_render::mock::MockRenderer;
-use lumbre_render::{Advance, OpenStats, RenderError, Renderer, WaveStats};
+use lumbre_render::{RenderError, Renderer, WaveStats};
 
 use crate::experiment::fixtures::{
-    Lab, Night, Recorder, config, depths, label, outcomes, whole_at,
+    Lab, Night, Recorder, Wrapped, config, depths, label, outcomes, whole_at,
 };
 
 const CELL: CellRef = CellRef::Cell(0);
 
-/// A mock renderer whose wave statistics pass through `act`, which may change them or panic.
-struct FaultyRenderer {
-    inner: MockRenderer,
-    act: fn(&WaveStats, &Film) -> WaveStats,
-}
-
-impl Renderer for FaultyRenderer {
-    fn render(&mut self, request: &Advance<'_>) -> Result<WaveStats, RenderError> {
-        let stats = self.inner.render(request)?;
-        Ok((self.act)(&stats, self.inner.film()))
-    }
-
-    fn film(&self) -> &Film {
-        self.inner.film()
-    }
-
-    fn open_stats(&self) -> &OpenStats {
-        self.inner.open_stats()
-    }
+/// Returns a mock renderer whose wave statistics pass through `act`, which may change them or panic.
+fn faulty(mock: MockRenderer, act: fn(&WaveStats, &Film) -> WaveStats) -> Box<dyn Renderer> {
+    Box::new(Wrapped::new(mock, move |mock, request| {
+        let stats = mock.render(request)?;
+        Ok(act(&stats, mock.film()))
+    }))
 }
 
 fn failed(outcome: &Outcome) -> &str {
@@ -76,10 +63,7 @@ fn a_failing_renderer_fails_its_cell_and_keeps_the_last_good_film() {
 #[test]
 fn a_renderer_that_cannot_be_opened_fails_its_cell() {
     let open: Open<'_> = &|_, scene, job| match job.max_depth {
-        1 => Err(RenderError::Unsupported {
-            backend: "mock",
-            reason: "no such depth".into(),
-        }),
+        1 => Err(RenderError::unsupported("mock", "no such depth")),
         2 => panic!("out of {}", "memory"),
         _ => Ok(Box::new(MockRenderer::new(scene, job))),
     };
@@ -114,10 +98,7 @@ fn a_panicking_renderer_fails_its_cell_and_its_film_is_discarded() {
             },
             _ => |stats, _| stats.clone(),
         };
-        Ok(Box::new(FaultyRenderer {
-            inner: MockRenderer::new(scene, job),
-            act,
-        }))
+        Ok(faulty(MockRenderer::new(scene, job), act))
     };
     let (summary, recorder) = Night {
         open,
@@ -136,10 +117,8 @@ fn a_panicking_renderer_fails_its_cell_and_its_film_is_discarded() {
 #[test]
 fn a_renderer_that_adds_no_samples_fails_its_cell() {
     let open: Open<'_> = &|_, scene, job| {
-        Ok(Box::new(FaultyRenderer {
-            inner: MockRenderer::new(scene, job),
-            act: |_, _| WaveStats::default(),
-        }))
+        let act = |_: &WaveStats, _: &Film| WaveStats::default();
+        Ok(faulty(MockRenderer::new(scene, job), act))
     };
     let (summary, _) = Night {
         open,
@@ -162,12 +141,7 @@ fn invalid_samples_are_counted_and_reported_once_with_their_position() {
             ..stats.clone()
         }
     };
-    let open: Open<'_> = &|_, scene, job| {
-        Ok(Box::new(FaultyRenderer {
-            inner: MockRenderer::new(scene, job),
-            act,
-        }))
-    };
+    let open: Open<'_> = &|_, scene, job| Ok(faulty(MockRenderer::new(scene, job), act));
     let (_, recorder) = Night {
         open,
         ..Night::default()

@@ -2,64 +2,17 @@
 //! choice open.
 
 use std::cell::{Cell, RefCell};
-use std::io::{self, Write};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 
-use lumbre_light::film::Film;
 use lumbre_night::experiment::outcome::Level;
 use lumbre_night::experiment::run::Open;
 use lumbre_night::experiment::{CellRef, NightSummary, Outcome};
 use lumbre_render::mock::MockRenderer;
-use lumbre_render::{Advance, OpenStats, RenderError, Renderer, WaveStats};
+use lumbre_render::{RenderError, Renderer};
 
-use crate::experiment::fixtures::{Lab, Memory, Night, Recorder, config, outcomes};
-
-/// A mock renderer on a device that is lost after `left` waves; after the loss, every call fails.
-struct LossyRenderer {
-    mock: MockRenderer,
-    left: Arc<AtomicI64>,
-    lost: bool,
-}
-
-fn device_lost() -> RenderError {
-    RenderError::Lost {
-        backend: "mock",
-        reason: "the power was cut".to_owned(),
-    }
-}
-
-impl Renderer for LossyRenderer {
-    fn render(&mut self, request: &Advance<'_>) -> Result<WaveStats, RenderError> {
-        self.lost |= self.left.fetch_sub(1, Ordering::Relaxed) == 0;
-        if self.lost {
-            Err(device_lost())
-        } else {
-            self.mock.render(request)
-        }
-    }
-
-    fn film(&self) -> &Film {
-        self.mock.film()
-    }
-
-    fn save(&self, to: &mut dyn Write) -> io::Result<bool> {
-        if self.lost {
-            Err(io::Error::other(device_lost()))
-        } else {
-            self.mock.save(to)
-        }
-    }
-
-    fn restore(&mut self, state: &[u8]) -> Result<(), RenderError> {
-        self.mock.restore(state)
-    }
-
-    fn open_stats(&self) -> &OpenStats {
-        self.mock.open_stats()
-    }
-}
+use crate::experiment::fixtures::{Lab, Memory, Night, Recorder, Wrapped, outcomes};
 
 /// Renders a night whose device is lost after each of these numbers of waves, counted from the
 /// previous loss.
@@ -75,11 +28,15 @@ fn night(lab: &Lab, losses: &[i64]) -> (NightSummary, Recorder) {
                 Ordering::Relaxed,
             );
         }
-        Ok(Box::new(LossyRenderer {
-            mock: MockRenderer::new(scene, job),
-            left: Arc::clone(&left),
-            lost: false,
-        }))
+        let left = Arc::clone(&left);
+        let mock = MockRenderer::new(scene, job);
+        Ok(Box::new(Wrapped::new(
+            mock,
+            move |mock, request| match left.fetch_sub(1, Ordering::Relaxed) {
+                0 => Err(RenderError::lost("mock", "the power was cut")),
+                _ => mock.render(request),
+            },
+        )))
     };
     run_night(lab, &open)
 }
@@ -161,11 +118,7 @@ fn another_backend_takes_over_only_if_the_script_leaves_the_choice_open() {
     };
     let lab = |fallback| {
         let mut lab = Lab::new();
-        lab.render = Box::new(move |_| {
-            let mut config = config();
-            config.fallback = fallback;
-            Ok(config)
-        });
+        lab.configure(move |_, config| config.fallback = fallback);
         lab
     };
     let (strict, _) = run_night(&lab(None), &open);

@@ -11,15 +11,13 @@ use lumbre_night::experiment::{CellRef, run};
 use lumbre_render::Renderer;
 use lumbre_render::mock::MockRenderer;
 
-use crate::experiment::fixtures::{Lab, Night, at, config, ints, whole_at};
+use crate::experiment::fixtures::{Lab, Night, at, ints, whole_at};
 
 /// Returns an experiment that sets a value of the scene to each of these numbers.
 fn sweep(path: &'static str, values: impl IntoIterator<Item = f64>) -> Lab {
     let mut lab = Lab::new().axis("x", values);
-    lab.render = Box::new(move |p| {
-        let mut config = config();
+    lab.configure(move |p, config| {
         config.set.insert(path.into(), at(p, "x"));
-        Ok(config)
     });
     lab
 }
@@ -51,13 +49,11 @@ fn consecutive_cells_share_a_compiled_scene() {
         .axis("rough", [0.25, 0.75])
         .axis("depth", ints([1, 2]));
     lab.spec.repeats = 2;
-    lab.render = Box::new(|p| {
-        let mut config = config();
+    lab.configure(|p, config| {
         config.max_depth = Some(whole_at(p, "depth"));
         config
             .set
             .insert("materials.egg.roughness".into(), at(p, "rough"));
-        Ok(config)
     });
     assert_eq!(compiled_scenes(&lab), 2);
 }
@@ -71,11 +67,9 @@ fn cells_that_differ_in_their_camera_alone_share_a_compiled_scene() {
     assert_eq!(compiled_scenes(&lab), 1, "references share it, too");
     lab = cameras(20).axis("technique", ["nee", "bpt"]);
     lab.spec.night.order = Order::Interleave;
-    lab.render = Box::new(|p| {
-        let mut config = config();
+    lab.configure(|p, config| {
         config.set.insert("camera.fov".into(), at(p, "x"));
         config.integrator = at(p, "technique").as_str().unwrap().to_owned();
-        Ok(config)
     });
     assert_eq!(compiled_scenes(&lab), 1, "in turns");
 }

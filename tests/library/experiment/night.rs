@@ -3,18 +3,19 @@
 use std::cell::RefCell;
 use std::sync::Arc;
 
-use lumbre_light::film::{Film, Image};
+use lumbre_light::film::Image;
 use lumbre_light::value::Value;
 use lumbre_night::experiment::event::FinishedRun;
 use lumbre_night::experiment::outcome::Level;
 use lumbre_night::experiment::spec::{ReferenceRequest, Snapshots};
 use lumbre_night::experiment::stop::Comparison;
 use lumbre_night::experiment::{CellRef, EndCause, Event, Outcome, StopRule, WaveRow, run};
+use lumbre_render::Renderer;
 use lumbre_render::mock::{MockRenderer, SECONDS_PER_PATH};
-use lumbre_render::{Advance, OpenStats, Picture, RenderError, Renderer, WaveStats};
 
 use crate::experiment::fixtures::{
-    Lab, Memory, Night, Recorder, all_done, config, depths, finished_in, ints, outcomes, whole_at,
+    Lab, Memory, Night, Recorder, Wrapped, all_done, config, depths, finished_in, ints, outcomes,
+    rendered, whole_at,
 };
 
 const CELL: CellRef = CellRef::Cell(0);
@@ -28,12 +29,7 @@ fn references_come_before_the_cells_that_need_them() {
     lab.reference = Box::new(move |p| {
         let mut config = config();
         config.max_depth = Some(whole_at(p, "depth"));
-        Ok(Some(ReferenceRequest::Render {
-            config: Box::new(config),
-            stop: reference_stop.clone(),
-            bias_check: None,
-            shards: 1,
-        }))
+        Ok(Some(rendered(config, reference_stop.clone())))
     });
     let (summary, recorder) = Night::default().record(&lab);
     let cell = |i: usize| {
@@ -470,15 +466,13 @@ fn a_reference_from_a_file_is_read_through_the_history() {
 #[test]
 fn a_renderer_receives_the_job_of_its_cell() {
     let mut lab = Lab::new();
-    lab.render = Box::new(|_| {
-        let mut config = config();
+    lab.configure(|_, config| {
         config.rr_start = Some(4);
         config.filter.radius = 0.75;
         config.sampler = "sobol".to_owned();
         config.params.insert("x".into(), Value::Int(1));
         config.resolution = None;
         config.max_depth = None;
-        Ok(config)
     });
     let jobs = RefCell::new(Vec::new());
     let open: run::Open<'_> = &|name, scene, job| {
@@ -531,37 +525,17 @@ fn run_opens_the_backend_by_its_name() {
     );
 }
 
-/// A renderer whose pictures take time to filter.
-struct Filtered(MockRenderer);
-
-impl Renderer for Filtered {
-    fn render(&mut self, request: &Advance<'_>) -> Result<WaveStats, RenderError> {
-        self.0.render(request)
-    }
-
-    fn film(&self) -> &Film {
-        self.0.film()
-    }
-
-    fn open_stats(&self) -> &OpenStats {
-        self.0.open_stats()
-    }
-
-    fn picture(&mut self) -> Result<Picture, RenderError> {
-        Ok(Picture {
-            extra_s: 10.0,
-            denoised: true,
-            ..self.0.picture()?
-        })
-    }
-}
-
 #[test]
 fn the_time_of_a_filter_is_render_time() {
     let lab = Lab::new();
     let (_, plain) = Night::default().record(&lab);
     let night = Night {
-        open: &|_, scene, job| Ok(Box::new(Filtered(MockRenderer::new(scene, job)))),
+        open: &|_, scene, job| {
+            let mock = MockRenderer::new(scene, job);
+            let mut filtered = Wrapped::new(mock, |mock, request| mock.render(request));
+            filtered.filter_s = 10.0;
+            Ok(Box::new(filtered))
+        },
         ..Night::default()
     };
     let (_, filtered) = night.record(&lab);

@@ -15,7 +15,7 @@ use lumbre_render::mock::MockRenderer;
 use lumbre_render::{RenderError, Renderer};
 
 use crate::experiment::fixtures::{
-    Lab, Memory, Recorder, all_done, at, config, depths, ints, label, outcomes, whole_at,
+    Lab, Memory, Recorder, all_done, at, depths, ints, label, outcomes, whole_at,
 };
 
 /// A listener that requests a stop at the first wave after `waves` waves.
@@ -52,10 +52,7 @@ fn run_night(
     let open =
         |_: &str, scene, job: lumbre_render::Job| -> Result<Box<dyn Renderer>, RenderError> {
             if job.max_depth == 2 && job.settings.rr_start == Some(7) {
-                return Err(RenderError::Failed {
-                    backend: "mock",
-                    reason: "the lens fell off".to_owned(),
-                });
+                return Err(RenderError::failed("mock", "the lens fell off"));
             }
             Ok(Box::new(MockRenderer::new(scene, job)))
         };
@@ -198,11 +195,9 @@ fn a_forecast_counts_a_run_of_several_cells_once_and_not_after_it_is_finished() 
 
 fn broken_at_depth_2() -> Lab {
     let mut lab = depths([1, 2, 3]);
-    lab.render = Box::new(|p| {
-        let mut config = config();
+    lab.configure(|p, config| {
         config.max_depth = Some(whole_at(p, "depth"));
         config.rr_start = Some(7);
-        Ok(config)
     });
     lab
 }
@@ -308,11 +303,9 @@ fn coarse_grids_are_complete_for_every_technique() {
     let mut lab = Lab::new()
         .axis("technique", ["bpt", "nee"])
         .axis("depth", ints([1, 2, 3, 4, 5]));
-    lab.render = Box::new(|p| {
-        let mut config = config();
+    lab.configure(|p, config| {
         config.max_depth = Some(whole_at(p, "depth"));
         config.integrator = at(p, "technique").as_str().unwrap().to_owned();
-        Ok(config)
     });
     lab.spec.repeats = 2;
     let plan = lab.plan();
@@ -347,10 +340,8 @@ fn coarse_grids_are_complete_for_every_technique() {
 fn interleaved() -> Lab {
     let mut lab = Lab::new().axis("technique", ["bpt", "nee", "bdpt"]);
     lab.spec.night.order = Order::Interleave;
-    lab.render = Box::new(|p| {
-        let mut config = config();
-        config.integrator = at(p, "technique").as_str().unwrap_or_default().to_owned();
-        Ok(config)
+    lab.configure(|p, config| {
+        config.integrator = at(p, "technique").as_str().unwrap_or_default().to_owned()
     });
     lab
 }

@@ -197,11 +197,7 @@ fn a_selected_cell_is_the_same_run_as_in_the_whole_sweep() {
 #[test]
 fn a_backend_override_reaches_cells_and_references() {
     let mut lab = Lab::new().measured();
-    lab.render = Box::new(|_| {
-        let mut config = config();
-        config.backend = "nowhere".into();
-        Ok(config)
-    });
+    lab.configure(|_, config| config.backend = "nowhere".into());
     assert!(lab.try_plan().is_err());
     lab.overrides.backend = Some("mock".into());
     let plan = lab.plan();
@@ -215,11 +211,7 @@ fn a_backend_override_reaches_cells_and_references() {
 #[test]
 fn auto_is_replaced_by_a_concrete_backend() {
     let mut lab = Lab::new();
-    lab.render = Box::new(|_| {
-        let mut config = config();
-        config.backend = "auto".into();
-        Ok(config)
-    });
+    lab.configure(|_, config| config.backend = "auto".into());
     let plan = lab.plan();
     let first = lumbre_night::backends::backend("auto").unwrap().name;
     assert_eq!(plan.cells[0].config.backend, first);
@@ -229,11 +221,9 @@ fn auto_is_replaced_by_a_concrete_backend() {
 #[test]
 fn resolution_and_depth_fall_back_to_the_scene_and_enter_the_identity() {
     let mut lab = Lab::new();
-    lab.render = Box::new(|_| {
-        let mut config = config();
+    lab.configure(|_, config| {
         config.resolution = None;
         config.max_depth = None;
-        Ok(config)
     });
     let plan = lab.plan();
     assert_eq!(plan.cells[0].config.resolution, Some([32, 16]));
@@ -251,13 +241,11 @@ fn a_scene_file_is_read_once_and_shared_by_equal_changes() {
         .axis("rough", [0.25, 0.75])
         .axis("unused", ints([1, 2]));
     lab.spec.repeats = 2;
-    lab.render = Box::new(|p| {
-        let mut config = config();
+    lab.configure(|p, config| {
         config.scene_file = format!("{}.scn", at(p, "scene")).into();
         config
             .set
             .insert("materials.egg.roughness".into(), at(p, "rough"));
-        Ok(config)
     });
     let plan = lab.plan();
     assert_eq!(plan.cells.len(), 16);
@@ -382,13 +370,11 @@ fn ten_thousand_cells_are_planned() {
         .axis("rough", (0..20).map(|i| f64::from(i) / 20.0))
         .measured();
     lab.spec.repeats = 20;
-    lab.render = Box::new(|p| {
-        let mut config = config();
+    lab.configure(|p, config| {
         config.max_depth = Some(whole_at(p, "depth"));
         config
             .set
             .insert("materials.egg.roughness".into(), at(p, "rough"));
-        Ok(config)
     });
     let plan = lab.plan();
     assert_eq!(plan.cells.len(), 10_000);
@@ -437,11 +423,7 @@ fn an_estimate_counts_every_run_once() {
 fn a_scene_is_loaded_once_for_each_choice_of_its_options() {
     let mut lab = Lab::new().axis("light", ["day", "night"]);
     lab.spec.repeats = 2;
-    lab.render = Box::new(|p| {
-        let mut config = config();
-        config.scene_options = [("light".to_owned(), at(p, "light"))].into();
-        Ok(config)
-    });
+    lab.configure(|p, config| config.scene_options = [("light".to_owned(), at(p, "light"))].into());
     lab.plan();
     assert_eq!(lab.loads.borrow().len(), 2);
 }

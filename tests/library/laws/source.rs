@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::common::files_below;
+
 /// Returns the root of the package.
 pub fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -31,19 +33,11 @@ pub fn sources() -> Vec<String> {
 
 /// Returns every Rust file below a folder of the package, as sorted paths from the root with `/`.
 pub fn rust_files(folder: &str) -> Vec<String> {
-    let mut found = Vec::new();
-    let mut open = vec![root().join(folder)];
-    while let Some(next) = open.pop() {
-        for entry in std::fs::read_dir(&next).unwrap().map(Result::unwrap) {
-            let path = entry.path();
-            if path.is_dir() {
-                open.push(path);
-            } else if path.extension().is_some_and(|e| e == "rs") {
-                found.push(from_root(&path));
-            }
-        }
-    }
+    let files = files_below(&root().join(folder)).into_iter();
+    let rust = files.filter(|path| path.extension().is_some_and(|e| e == "rs"));
+    let mut found: Vec<String> = rust.map(|path| from_root(&path)).collect();
     found.sort();
+    assert!(!found.is_empty(), "no Rust files in {folder}");
     found
 }
 
@@ -79,7 +73,7 @@ pub fn project_files() -> Vec<PathBuf> {
             .filter(|p| p.is_file())
             .collect();
     }
-    let mut open: Vec<PathBuf> = [
+    let places = [
         "src",
         "crates",
         "shaders",
@@ -90,19 +84,9 @@ pub fn project_files() -> Vec<PathBuf> {
         "scripts",
         "scenes",
         ".ci",
-        "Cargo.toml",
-        "README.md",
-    ]
-    .map(|n| root().join(n))
-    .into();
-    let mut found = Vec::new();
-    while let Some(next) = open.pop() {
-        match std::fs::read_dir(&next) {
-            Ok(entries) => open.extend(entries.flatten().map(|e| e.path())),
-            Err(_) if next.is_file() => found.push(next),
-            Err(_) => {}
-        }
-    }
+    ];
+    let mut found: Vec<PathBuf> = ["Cargo.toml", "README.md"].map(|n| root().join(n)).into();
+    found.extend(places.iter().flat_map(|n| files_below(&root().join(n))));
     found
 }
 

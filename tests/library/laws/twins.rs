@@ -302,23 +302,15 @@ const ORIGINALS: &str = "crates/lumbre-light/src";
 
 /// Returns every shader below a folder of `shaders/`.
 fn shaders(folder: &str) -> Vec<String> {
-    let (mut open, mut found) = (vec![root().join(SHADERS).join(folder)], Vec::new());
-    while let Some(next) = open.pop() {
-        for path in std::fs::read_dir(next).unwrap().map(|e| e.unwrap().path()) {
-            if path.is_dir() {
-                open.push(path);
-            } else {
-                found.push(
-                    path.strip_prefix(root().join(SHADERS))
-                        .unwrap()
-                        .to_string_lossy()
-                        .replace('\\', "/"),
-                );
-            }
-        }
-    }
-    found.sort();
-    found
+    let shaders = root().join(SHADERS);
+    let files = crate::common::files_below(&shaders.join(folder)).into_iter();
+    let name = |path: std::path::PathBuf| {
+        path.strip_prefix(&shaders)
+            .unwrap()
+            .to_string_lossy()
+            .replace('\\', "/")
+    };
+    files.map(name).collect()
 }
 
 #[test]

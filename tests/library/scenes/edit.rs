@@ -103,10 +103,8 @@ fn switches_of_studies_change_the_hash_only_away_from_their_defaults() {
     let missing = set(&mut s, "environment.sampling", &"uniform".into());
     assert!(missing.unwrap_err().to_string().contains("no environment"));
     s.environment = Some(EnvironmentDesc {
-        source: EnvironmentSource::Color(Vec3::ONE),
-        rotation_deg: 0.0,
-        scale: 1.0,
         sampling: EnvironmentSampling::Luminance,
+        ..EnvironmentDesc::new(EnvironmentSource::Color(Vec3::ONE))
     });
     let before = content_hash(&s);
     set(&mut s, "environment.sampling", &"luminance".into()).unwrap();

@@ -172,10 +172,9 @@ pub(super) fn gallery(materials: Vec<MaterialDesc>) -> SceneDesc {
         Texels::RgbaF32(vec![[3.0, 2.0, 1.0, 1.0], [0.5; 4], [0.1; 4], [0.0; 4]]),
     );
     desc.environment = Some(EnvironmentDesc {
-        source: EnvironmentSource::Map(sky),
         rotation_deg: 70.0,
         scale: 0.5,
-        sampling: Default::default(),
+        ..EnvironmentDesc::new(EnvironmentSource::Map(sky))
     });
     desc.materials = materials.into();
     desc

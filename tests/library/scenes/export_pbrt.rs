@@ -122,10 +122,8 @@ fn plain_gallery(materials: Vec<MaterialDesc>) -> SceneDesc {
     let mut desc = gallery(materials);
     desc.lights.retain(|light| light.name != "spot");
     desc.environment = Some(EnvironmentDesc {
-        source: EnvironmentSource::Color(Vec3::new(0.3, 0.4, 0.5)),
-        rotation_deg: 0.0,
         scale: 2.0,
-        sampling: Default::default(),
+        ..EnvironmentDesc::new(EnvironmentSource::Color(Vec3::new(0.3, 0.4, 0.5)))
     });
     desc
 }

@@ -3,12 +3,12 @@
 use glam::{Vec2, Vec3};
 use image::codecs::hdr::HdrEncoder;
 use lumbre_light::scene::compile;
-use lumbre_light::scene::desc::{EnvironmentSource, LightKind, SceneDesc, ShapeDesc, TextureSlot};
+use lumbre_light::scene::desc::{EnvironmentSource, LightKind, SceneDesc, TextureSlot};
 use lumbre_scene_io::load::{is_folder, load, load_with};
 
 use super::export::picture;
 use super::samples::FOLDER as TEMPLATE;
-use super::{Folder, QUAD, lines};
+use super::{Folder, QUAD, lines, mesh_of};
 
 /// Returns a folder with these texts: `scene.json` and the files below `Objects`.
 fn folder(scene: &str) -> Folder {
@@ -68,11 +68,7 @@ fn the_template_of_the_thesis_is_read_completely() {
     let names: Vec<&str> = desc.entities.iter().map(|e| e.name.as_str()).collect();
     assert_eq!(names, ["floor", "floor_2"]);
     assert_eq!(desc.entities[1].material.as_deref(), Some("mat2"));
-    let [ShapeDesc::Mesh(a), ShapeDesc::Mesh(b)] =
-        [&desc.entities[0].shape, &desc.entities[1].shape]
-    else {
-        panic!()
-    };
+    let (a, b) = (mesh_of(&desc, 0), mesh_of(&desc, 1));
     assert!(std::sync::Arc::ptr_eq(a, b), "the mesh file was read twice");
     let LightKind::Point {
         position,

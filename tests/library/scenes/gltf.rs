@@ -3,15 +3,14 @@
 use glam::{Affine2, Vec2, Vec3};
 use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{
-    LightKind, Lookup, MaskMode, Model, SceneDesc, ShapeDesc, Texels, TextureFilter, TextureSlot,
-    Wrap,
+    LightKind, Lookup, MaskMode, Model, SceneDesc, Texels, TextureFilter, TextureSlot, Wrap,
 };
 use lumbre_scene_io::load::{MissingTextures, Variables, load_on_stage};
 use lumbre_scene_io::stage::Stage;
 use proptest::prelude::*;
 
 use super::samples::{GLTF as TEXT, gltf_as_glb, gltf_buffer as buffer};
-use super::{Folder, lines};
+use super::{Folder, lines, mesh_of};
 
 fn folder() -> Folder {
     let folder = Folder::new(&[("a.gltf", TEXT)]);
@@ -25,11 +24,7 @@ fn folder() -> Folder {
 /// Panics unless the scene is that of the sample document.
 fn check(desc: &SceneDesc, notes: &str) {
     assert_eq!(desc.entities.len(), 2);
-    let (ShapeDesc::Mesh(a), ShapeDesc::Mesh(b)) =
-        (&desc.entities[0].shape, &desc.entities[1].shape)
-    else {
-        panic!()
-    };
+    let (a, b) = (mesh_of(desc, 0), mesh_of(desc, 1));
     assert!(
         std::sync::Arc::ptr_eq(a, b),
         "the nodes do not share their mesh"
@@ -141,9 +136,7 @@ fn vertex_colours_and_a_second_set_of_coordinates_are_read() {
         .save(folder.path("t.png"))
         .unwrap();
     let (desc, notes) = folder.load("a.gltf").unwrap();
-    let ShapeDesc::Mesh(mesh) = &desc.entities[0].shape else {
-        panic!()
-    };
+    let mesh = mesh_of(&desc, 0);
     let (green, white) = (Vec3::Y * 0.2, Vec3::ONE);
     assert_eq!(
         mesh.colors,
@@ -503,7 +496,7 @@ fn third_party_assets_load_and_have_light() {
     };
     let mut files = Vec::new();
     for extension in ["gltf", "glb"] {
-        super::third_party::files_below(&root, extension, &mut files);
+        files.extend(super::third_party::files_below(&root, extension));
     }
     assert!(files.len() >= 7, "{files:?}");
     for file in files {

@@ -2,10 +2,10 @@
 
 use glam::{Vec3, Vec4};
 use lumbre_light::scene::compile;
-use lumbre_light::scene::desc::{MaterialDesc, Model, SceneDesc, ShapeDesc, Texels, TextureSlot};
+use lumbre_light::scene::desc::{MaterialDesc, Model, SceneDesc, Texels, TextureSlot};
 use lumbre_scene_io::load::{MissingTextures, load_with};
 
-use super::{Folder, lines};
+use super::{Folder, lines, mesh_of};
 
 /// Returns a folder with a document of one triangle with normals, texture coordinates and tangents,
 /// and the image `t.png`, whose channels are 0, 128 and 255.
@@ -65,9 +65,7 @@ fn read(material: &str) -> (SceneDesc, String) {
 /// Returns the material of the only face, and the notes.
 fn material(json: &str) -> (SceneDesc, MaterialDesc, String) {
     let (desc, notes) = read(json);
-    let ShapeDesc::Mesh(mesh) = &desc.entities[0].shape else {
-        panic!("a mesh expected")
-    };
+    let mesh = mesh_of(&desc, 0);
     let m = desc.materials[desc.material_index(&mesh.slots[0]).unwrap()].clone();
     (desc, m, notes)
 }
@@ -84,9 +82,7 @@ fn texel(m: &MaterialDesc, slot: TextureSlot) -> [f32; 4] {
 fn a_primitive_without_material_has_that_of_an_empty_object() {
     let rest = r#", "materials": [ { "name": "default_material" } ]"#;
     let (desc, notes) = folder("", "", rest).load("a.gltf").unwrap();
-    let ShapeDesc::Mesh(mesh) = &desc.entities[0].shape else {
-        panic!("a mesh expected")
-    };
+    let mesh = mesh_of(&desc, 0);
     let [empty, default] = &desc.materials[..] else {
         panic!("{:?}", desc.materials)
     };
@@ -178,9 +174,7 @@ fn tangents_of_the_file_are_those_of_its_normal_map() {
     }
     let plain = folder("", r#", "material": 1"#, &rest);
     let (desc, _) = plain.load("a.gltf").unwrap();
-    let ShapeDesc::Mesh(mesh) = &desc.entities[0].shape else {
-        panic!("a mesh expected")
-    };
+    let mesh = mesh_of(&desc, 0);
     assert!(mesh.tangents.is_empty());
 }
 

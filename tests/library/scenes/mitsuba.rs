@@ -8,7 +8,7 @@ use lumbre_light::scene::desc::{
     ShapeDesc, TextureSlot,
 };
 
-use super::{Folder, lines};
+use super::{Folder, lines, mesh_of};
 
 /// Returns a scene with a sensor around some XML.
 fn around(inner: &str) -> String {
@@ -475,9 +475,7 @@ fn texture_coordinates_of_meshes_are_flipped_as_the_shape_says() {
         let shape = format!("<shape type=\"obj\">{file}{flag}</shape>");
         folder.write("a.xml", around(&shape));
         let (scene, _) = folder.load("a.xml").unwrap();
-        let ShapeDesc::Mesh(mesh) = &scene.entities[0].shape else {
-            panic!("expected a mesh")
-        };
+        let mesh = mesh_of(&scene, 0);
         mesh.uvs.iter().map(|uv| uv.y).collect::<Vec<f32>>()
     };
     let default = heights("");

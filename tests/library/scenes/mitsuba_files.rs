@@ -4,13 +4,13 @@
 
 use glam::Vec3;
 use lumbre_light::scene::SceneDesc;
-use lumbre_light::scene::desc::{EnvironmentSource, Model, ShapeDesc, Texels};
+use lumbre_light::scene::desc::{EnvironmentSource, Model, Texels};
 use lumbre_light::value::Value;
 use lumbre_scene_io::load::MissingTextures;
 
 use super::mitsuba::surface;
 use super::samples::serialized;
-use super::{Folder, QUAD, lines};
+use super::{Folder, QUAD, lines, mesh_of};
 
 fn scene(inner: &str) -> String {
     format!("<scene version=\"3.0.0\">{inner}</scene>")
@@ -34,9 +34,7 @@ fn files_are_searched_in_the_folders_of_the_scene() {
     let text = |width: u32| QUAD.replace("v 1 0 -1", &format!("v {width} 0 -1"));
     let width = |folder: &Folder, name: &str| {
         let (desc, _) = folder.load(name).unwrap();
-        let ShapeDesc::Mesh(mesh) = &desc.entities[0].shape else {
-            panic!("expected a mesh")
-        };
+        let mesh = mesh_of(&desc, 0);
         mesh.positions.iter().map(|p| p.x).fold(0.0, f32::max)
     };
     folder.write("parts/meshes/q.obj", text(2));
@@ -140,9 +138,7 @@ fn serialized_meshes_are_read_by_index_and_within_limits() {
     for (index, height, triangles) in [(0, 2.0, 1), (1, 3.0, 2)] {
         folder.write("a.xml", shape(index));
         let (desc, _) = folder.load("a.xml").unwrap();
-        let ShapeDesc::Mesh(mesh) = &desc.entities[0].shape else {
-            panic!("expected a mesh")
-        };
+        let mesh = mesh_of(&desc, 0);
         assert_eq!(mesh.positions[2], Vec3::new(0.0, height, 0.0));
         assert_eq!(mesh.triangles.len(), triangles);
         // The flag of the second mesh asks for the normals of its faces.
@@ -410,9 +406,7 @@ fn colours_of_vertices_are_those_of_surfaces_that_ask_for_them() {
         ));
         let folder = Folder::new(&[("a.xml", xml.as_str()), ("m.ply", ply), ("m.obj", QUAD)]);
         let (desc, notes) = folder.load("a.xml").unwrap_or_else(|e| panic!("{e}"));
-        let ShapeDesc::Mesh(mesh) = &desc.entities[0].shape else {
-            panic!("expected a mesh")
-        };
+        let mesh = mesh_of(&desc, 0);
         (
             desc.materials[0].base_color.x,
             mesh.colors.clone(),

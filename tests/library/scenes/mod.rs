@@ -39,7 +39,9 @@ mod textures;
 mod third_party;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
+use lumbre_light::scene::desc::{MeshDesc, ShapeDesc};
 use lumbre_light::scene::{Note, SceneDesc, SceneError};
 use lumbre_scene_io::load::load;
 use samples::QUAD;
@@ -74,6 +76,14 @@ impl Folder {
 /// Loads a scene from its text.
 fn scn(text: &str) -> Result<(SceneDesc, Vec<Note>), SceneError> {
     Folder::new(&[("a.scn", text)]).load("a.scn")
+}
+
+/// Returns the mesh of an entity.
+fn mesh_of(desc: &SceneDesc, entity: usize) -> &Arc<MeshDesc> {
+    match &desc.entities[entity].shape {
+        ShapeDesc::Mesh(mesh) => mesh,
+        ShapeDesc::Sphere { .. } => panic!("expected a mesh"),
+    }
 }
 
 /// Returns the notes as text, one line each.

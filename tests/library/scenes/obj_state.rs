@@ -3,11 +3,9 @@
 
 use glam::Vec3;
 use lumbre_light::scene::compile;
-use lumbre_light::scene::desc::{
-    MaskMode, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Texels, TextureSlot,
-};
+use lumbre_light::scene::desc::{MaskMode, MaterialDesc, SceneDesc, Texels, TextureSlot};
 
-use super::{Folder, lines};
+use super::{Folder, lines, mesh_of};
 
 const CORNERS: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
 
@@ -22,13 +20,6 @@ fn load(obj: &str, libraries: &[(&str, &str)]) -> (SceneDesc, String) {
     alpha.save(folder.path("alpha.png")).unwrap();
     let (desc, notes) = folder.load("m.obj").unwrap_or_else(|e| panic!("{e}"));
     (desc, lines(&notes))
-}
-
-fn mesh(desc: &SceneDesc) -> &MeshDesc {
-    match &desc.entities[0].shape {
-        ShapeDesc::Mesh(mesh) => mesh,
-        ShapeDesc::Sphere { .. } => panic!("a mesh expected"),
-    }
 }
 
 /// Returns the material `m` of an MTL.
@@ -56,8 +47,8 @@ fn a_material_stays_until_the_next_usemtl() {
          usemtl tin\nf 2 3 4\n"
     );
     let (desc, notes) = load(&obj, &[("a.mtl", mtl)]);
-    assert_eq!(mesh(&desc).slots, ["wood", "tin"]);
-    assert_eq!(mesh(&desc).triangle_slot, [0, 0, 0, 1]);
+    assert_eq!(mesh_of(&desc, 0).slots, ["wood", "tin"]);
+    assert_eq!(mesh_of(&desc, 0).triangle_slot, [0, 0, 0, 1]);
     assert_eq!(desc.materials[0].emission, Vec3::new(1.0, 0.5, 0.25));
     assert_eq!(notes, "");
 }
@@ -132,12 +123,12 @@ fn dissolve_is_coverage_without_refraction() {
 fn colours_of_vertices_multiply_the_base_colour() {
     let obj = "v 0 0 0 1 0 0\nv 1 0 0 0 0 1\nv 0 1 0 1 1 1\nf 1 2 3\n";
     let (desc, notes) = load(obj, &[]);
-    assert_eq!(mesh(&desc).colors, [Vec3::X, Vec3::Z, Vec3::ONE]);
+    assert_eq!(mesh_of(&desc, 0).colors, [Vec3::X, Vec3::Z, Vec3::ONE]);
     assert_eq!(notes, "");
     // Flat faces beside others have vertices of their own.
     let obj = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 0 1 0 1 0 0\nvn 0 0 1\nf 1 2 3\nf 1//1 2//1 3//1\n";
     let (desc, _) = load(obj, &[]);
-    assert_eq!(mesh(&desc).colors, [Vec3::X; 6]);
+    assert_eq!(mesh_of(&desc, 0).colors, [Vec3::X; 6]);
 }
 
 #[test]
@@ -148,10 +139,10 @@ fn normals_of_smoothing_groups_face_the_front_of_every_convention() {
     for (file, up) in [("m.obj", 1.0), ("a.scn", -1.0)] {
         let (desc, _) = folder.load(file).unwrap();
         let (scene, _) = compile(&desc).unwrap();
-        let ridge = mesh(&desc)
+        let ridge = mesh_of(&desc, 0)
             .positions
             .iter()
-            .zip(&mesh(&desc).normals)
+            .zip(&mesh_of(&desc, 0).normals)
             .filter(|(p, _)| p.x == 0.0);
         for (_, n) in ridge {
             assert!(n.distance(Vec3::Z * up) < 1e-6, "{file}: {n}");

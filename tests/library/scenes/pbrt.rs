@@ -9,7 +9,7 @@ use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{SceneDesc, ShapeDesc};
 
 use super::samples::picture;
-use super::{Folder, lines};
+use super::{Folder, lines, mesh_of};
 
 /// The view of the tests: from (0, 0, 5) along -z, right-handed.
 pub(super) const VIEW: &str =
@@ -159,11 +159,7 @@ fn instances_combine_the_transforms_of_both_places() {
     // At the instance the scale applies to the point moved by both translations.
     assert_eq!(corners(&desc, 0)[1], Vec3::new(4.0, 2.0, 0.0));
     assert_eq!(corners(&desc, 1)[0], Vec3::new(2.0, 2.0, 2.0));
-    let (ShapeDesc::Mesh(a), ShapeDesc::Mesh(b)) =
-        (&desc.entities[0].shape, &desc.entities[1].shape)
-    else {
-        panic!("meshes expected")
-    };
+    let (a, b) = (mesh_of(&desc, 0), mesh_of(&desc, 1));
     assert!(std::sync::Arc::ptr_eq(a, b), "instances share their mesh");
     for (world, expected) in [
         (
@@ -248,9 +244,7 @@ fn shapes_have_the_texture_coordinates_of_pbrt() {
         notes.contains("line 7") && notes.contains("becomes a mesh"),
         "{notes}"
     );
-    let ShapeDesc::Mesh(mesh) = &desc.entities[0].shape else {
-        panic!("a mesh expected")
-    };
+    let mesh = mesh_of(&desc, 0);
     // u is the angle about z over 2 pi, v the angle from -z over pi.
     for (p, uv) in mesh.positions.iter().zip(&mesh.uvs) {
         let v = 1.0 - p.z.clamp(-1.0, 1.0).acos() / PI;
@@ -263,9 +257,7 @@ fn shapes_have_the_texture_coordinates_of_pbrt() {
     }
     assert!((corners(&desc, 0)[0].length() - 2.0).abs() < 1e-5);
     let (desc, _) = textured("Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0]\n");
-    let ShapeDesc::Mesh(mesh) = &desc.entities[0].shape else {
-        panic!("a mesh expected")
-    };
+    let mesh = mesh_of(&desc, 0);
     assert_eq!(mesh.uvs, [Vec2::ZERO, Vec2::X, Vec2::ONE]);
     let (desc, notes) = textured(
         "Shape \"sphere\" \"float zmax\" 0.5 \"float phimax\" 180\nShape \"cylinder\"\nShape \

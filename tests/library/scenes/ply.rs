@@ -1,9 +1,8 @@
 //! Vertex colours of PLY files.
 
 use glam::Vec3;
-use lumbre_light::scene::desc::ShapeDesc;
 
-use super::Folder;
+use super::{Folder, mesh_of};
 
 /// Returns the loaded vertex colours of a triangle with these colours of type `ty` in an ASCII PLY.
 fn colors(ty: &str, rows: [&str; 3]) -> Vec<Vec3> {
@@ -14,9 +13,7 @@ fn colors(ty: &str, rows: [&str; 3]) -> Vec<Vec3> {
          0 0 0 {a}\n1 0 0 {b}\n0 1 0 {c}\n3 0 1 2\n"
     );
     let (desc, _) = Folder::new(&[("a.ply", &text)]).load("a.ply").unwrap();
-    let ShapeDesc::Mesh(mesh) = &desc.entities[0].shape else {
-        panic!()
-    };
+    let mesh = mesh_of(&desc, 0);
     mesh.colors.clone()
 }
 

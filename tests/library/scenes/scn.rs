@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use lumbre_light::scene::compile;
-use lumbre_light::scene::desc::{DEFAULT_MATERIAL, ShapeDesc, TextureSlot};
+use lumbre_light::scene::desc::{DEFAULT_MATERIAL, TextureSlot};
 
-use super::{Folder, QUAD, lines, scn};
+use super::{Folder, QUAD, lines, mesh_of, scn};
 
 #[test]
 fn an_empty_object_is_the_default_scene() {
@@ -279,13 +279,7 @@ fn meshes_and_textures_named_twice_are_read_once() {
         .save(folder.path("t.png"))
         .unwrap();
     let (desc, notes) = folder.load("a.scn").unwrap();
-    let ShapeDesc::Mesh(a) = &desc.entities[0].shape else {
-        panic!("a mesh")
-    };
-    let ShapeDesc::Mesh(b) = &desc.entities[1].shape else {
-        panic!("a mesh")
-    };
-    assert!(Arc::ptr_eq(a, b));
+    assert!(Arc::ptr_eq(mesh_of(&desc, 0), mesh_of(&desc, 1)));
     let first = desc.materials[0].texture(TextureSlot::BaseColor).unwrap();
     assert!(Arc::ptr_eq(
         first,

@@ -25,20 +25,12 @@ pub(super) fn shared(what: &str) -> Option<PathBuf> {
     None
 }
 
-/// Appends the files with an extension below a folder, sorted.
-pub(super) fn files_below(folder: &Path, extension: &str, found: &mut Vec<PathBuf>) {
-    let mut entries: Vec<PathBuf> = std::fs::read_dir(folder)
-        .unwrap()
-        .map(|e| e.unwrap().path())
-        .collect();
-    entries.sort();
-    for path in entries {
-        if path.is_dir() {
-            files_below(&path, extension, found);
-        } else if path.extension().is_some_and(|e| e == extension) {
-            found.push(path);
-        }
-    }
+/// Returns the files with an extension below a folder, sorted.
+pub(super) fn files_below(folder: &Path, extension: &str) -> Vec<PathBuf> {
+    let files = crate::common::files_below(folder).into_iter();
+    files
+        .filter(|path| path.extension().is_some_and(|e| e == extension))
+        .collect()
 }
 
 #[test]
@@ -46,8 +38,7 @@ fn every_third_party_scn_loads_and_compiles() {
     let Some(folder) = shared("scenes/vkraytracing") else {
         return;
     };
-    let mut files = Vec::new();
-    files_below(&folder, "scn", &mut files);
+    let files = files_below(&folder, "scn");
     assert_eq!(files.len(), 79);
     for file in files {
         let (desc, _) = load(&file).unwrap_or_else(|e| panic!("{e}"));
@@ -148,8 +139,7 @@ fn third_party_meshes_load_as_scenes() {
     let Some(folder) = shared("scenes") else {
         return;
     };
-    let mut files = Vec::new();
-    files_below(&folder, "obj", &mut files);
+    let files = files_below(&folder, "obj");
     assert!(files.len() > 30);
     let (mut lit, mut cut_out) = (0, 0);
     for file in files {

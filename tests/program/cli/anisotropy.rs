@@ -38,10 +38,8 @@ return x
     place.write("plate.lua", &script);
     let out = format!("out-{directions}-{}", technique.replace(':', "-"));
     place.succeed(&["run", "plate.lua", "-q", "--backend", "cpu", "--out", &out]);
-    let files = place.files(&out);
-    let exr = files.iter().find(|file| file.ends_with("final.exr"));
-    let exr = exr.unwrap_or_else(|| panic!("{files:?}"));
-    let bytes = std::fs::read(place.path(exr)).unwrap();
+    let exr = place.first_ending(&out, "final.exr");
+    let bytes = std::fs::read(place.path(&exr)).unwrap();
     lumbre_report::exr::decode(&bytes).unwrap().0
 }
 

@@ -9,9 +9,8 @@ fn night() -> (Workplace, String, String) {
     place.succeed(&["run", "night.lua", "-q"]);
     let run = place.finished()[0].0.clone();
     let run = run.trim_end_matches("/done.json").to_owned();
-    let references = place.files("out/refs");
-    let reference = references.iter().find(|f| f.ends_with("/ref.json"));
-    let reference = reference.unwrap().trim_end_matches("/ref.json").to_owned();
+    let reference = place.first_ending("out/refs", "/ref.json");
+    let reference = reference.trim_end_matches("/ref.json").to_owned();
     (place, run, reference)
 }
 

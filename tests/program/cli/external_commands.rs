@@ -3,9 +3,9 @@
 
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
 
 use super::workplace::{ProgramOutput, Workplace};
+use crate::cluster::night::wait_until;
 
 /// A renderer whose behaviour is its first argument. It writes noise around 0.5.
 const FAKE: &str = r#"
@@ -82,12 +82,7 @@ pub fn place(script: &str) -> Workplace {
 
 /// Runs the program with temporary files in the folder `tmp` and a configuration of its own.
 pub fn run(place: &Workplace, args: &[&str]) -> ProgramOutput {
-    let output = command(place, args).output().unwrap();
-    ProgramOutput {
-        status: output.status.code().unwrap_or(-1),
-        stdout: String::from_utf8(output.stdout).unwrap(),
-        stderr: String::from_utf8(output.stderr).unwrap(),
-    }
+    ProgramOutput::run(&mut command(place, args))
 }
 
 fn command(place: &Workplace, args: &[&str]) -> Command {
@@ -100,13 +95,7 @@ fn command(place: &Workplace, args: &[&str]) -> Command {
 }
 
 pub fn succeed(place: &Workplace, args: &[&str]) -> ProgramOutput {
-    let ended = run(place, args);
-    assert_eq!(
-        ended.status, 0,
-        "{args:?}\n{}\n{}",
-        ended.stdout, ended.stderr
-    );
-    ended
+    run(place, args).expect(0, args)
 }
 
 /// Returns the reason of the failed cell whose readable path ends so.
@@ -133,32 +122,18 @@ pub fn no_temporary_files(place: &Workplace) {
 
 /// Waits until a process does not exist. One that was not waited for counts as existing.
 fn wait_for_end(process: &str) {
-    let since = Instant::now();
-    while Path::new("/proc").join(process).exists() {
-        assert!(
-            since.elapsed() < Duration::from_secs(60),
-            "{process} still runs"
-        );
-        std::thread::sleep(Duration::from_millis(10));
-    }
+    let process = Path::new("/proc").join(process);
+    wait_until("the end of a process", || !process.exists());
 }
 
 /// Waits until the fake renderer was started this often, and returns its processes.
 fn wait_for_starts(place: &Workplace, count: usize) -> Vec<String> {
-    let since = Instant::now();
-    loop {
-        let started = std::fs::read_to_string(place.path("started")).unwrap_or_default();
-        let lines: Vec<&str> = started.lines().collect();
-        if lines.len() >= count {
-            let process = |line: &&str| line.split(' ').nth(1).unwrap().to_owned();
-            return lines.iter().map(process).collect();
-        }
-        assert!(
-            since.elapsed() < Duration::from_secs(120),
-            "the renderer was not started"
-        );
-        std::thread::sleep(Duration::from_millis(10));
-    }
+    let started = || std::fs::read_to_string(place.path("started")).unwrap_or_default();
+    wait_until("the start of the renderer", || {
+        started().lines().count() >= count
+    });
+    let process = |line: &str| line.split(' ').nth(1).unwrap().to_owned();
+    started().lines().map(process).collect()
 }
 
 #[test]
@@ -198,11 +173,7 @@ fn every_way_to_fail_is_a_failed_cell_with_its_output_and_the_night_goes_on() {
         let found = reason(&place, &format!("mode={mode}/rep=0"));
         assert!(found.contains(expected), "{mode}: {found}");
     }
-    let journal = place
-        .files("out")
-        .into_iter()
-        .find(|file| file.ends_with("journal.jsonl"));
-    let journal = place.read(&journal.unwrap());
+    let journal = place.read(&place.first_ending("out", "journal.jsonl"));
     assert!(
         journal.contains("25x16 pixels instead of"),
         "the journal has no reason"
@@ -279,14 +250,7 @@ fn a_program_that_hangs_or_is_missing_fails_and_leaves_no_process() {
             let signalled = kill.args(["-0", "--", &format!("-{process}")]).output();
             signalled.unwrap().status.success()
         };
-        let since = Instant::now();
-        while group() {
-            assert!(
-                since.elapsed() < Duration::from_secs(60),
-                "a child still runs"
-            );
-            std::thread::sleep(Duration::from_millis(20));
-        }
+        wait_until("the end of its children", || !group());
     }
     no_temporary_files(&place);
 }
@@ -491,11 +455,7 @@ fn an_interrupted_run_resumes_with_the_same_picture() {
         ended.stderr
     );
     let picture = |place: &Workplace| {
-        let file = place
-            .files("out")
-            .into_iter()
-            .find(|file| file.ends_with("final.exr"))
-            .unwrap();
+        let file = place.first_ending("out", "final.exr");
         let bytes = std::fs::read(place.path(&file)).unwrap();
         lumbre_report::exr::decode(&bytes).unwrap().0
     };

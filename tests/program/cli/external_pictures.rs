@@ -113,14 +113,8 @@ return x
             &["run", "served.lua", "--allow-commands", "--no-smoke", "-q"],
         );
         assert_eq!(ended.status, 3, "{server}: {}", ended.stderr);
-        let failed = place
-            .files("out")
-            .into_iter()
-            .find(|file| file.ends_with("failed.json"));
-        let found = place.json(&failed.unwrap())["reason"]
-            .as_str()
-            .unwrap()
-            .to_owned();
+        let failed = place.first_ending("out", "failed.json");
+        let found = place.json(&failed)["reason"].as_str().unwrap().to_owned();
         assert!(found.contains(expected), "{server}: {found}");
         no_temporary_files(&place);
     }
@@ -157,11 +151,8 @@ return x
         ("distance", [3.0, 1.0, 0.0]),
     ] {
         let name = format!("films/{layer}.exr");
-        let file = place
-            .files("out")
-            .into_iter()
-            .find(|file| file.ends_with(&name));
-        let bytes = std::fs::read(place.path(&file.unwrap())).unwrap();
+        let file = place.first_ending("out", &name);
+        let bytes = std::fs::read(place.path(&file)).unwrap();
         let (image, _) = lumbre_report::exr::decode(&bytes).unwrap();
         assert_eq!(image.at(3, 4), expected, "{layer}");
     }

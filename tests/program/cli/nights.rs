@@ -130,11 +130,7 @@ fn a_second_night_renders_nothing_and_reports_this() {
     let place = Workplace::new();
     let first = place.succeed(&["run", "night.lua"]);
     let before = place.finished();
-    let figure = place
-        .files("out")
-        .into_iter()
-        .find(|f| f.ends_with(".svg"))
-        .unwrap();
+    let figure = place.first_ending("out", ".svg");
     std::fs::remove_file(place.path(&figure)).unwrap();
     let second = place.succeed(&["run", "night.lua"]);
     assert!(
@@ -370,14 +366,7 @@ return x
     );
     place.write("layers.lua", &script(r#""depth""#));
     place.succeed(&["run", "layers.lua", "-q"]);
-    assert_eq!(
-        place
-            .files("out")
-            .iter()
-            .filter(|f| f.ends_with("/ref.json"))
-            .count(),
-        1
-    );
+    assert_eq!(place.ending("out", "/ref.json").len(), 1);
     assert_eq!(place.finished().len(), 2);
 }
 

@@ -60,13 +60,7 @@ fn compile(place: &Workplace, name: &str, text: &str) -> Option<String> {
 /// Runs the program with libraries.
 fn run(place: &Workplace, libraries: &str, args: &[&str]) -> ProgramOutput {
     let mut command = place.command(args);
-    let output = command.env("LUMBRE_PLUGINS", libraries).output().unwrap();
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    ProgramOutput {
-        status: output.status.code().unwrap_or(-1),
-        stdout: text(&output.stdout),
-        stderr: text(&output.stderr),
-    }
+    ProgramOutput::run(command.env("LUMBRE_PLUGINS", libraries))
 }
 
 #[test]
@@ -161,12 +155,10 @@ fn long_night() -> String {
 
 /// Returns the path and the picture of the only run of a night.
 fn final_picture(place: &Workplace, out: &str) -> (String, Image) {
-    let files = place.files(out);
-    let mut pictures = files.iter().filter(|file| file.ends_with("final.exr"));
-    let file = pictures.next().unwrap();
-    assert!(pictures.next().is_none(), "{files:?}");
-    let bytes = std::fs::read(place.path(file)).unwrap();
-    (file.clone(), exr::decode(&bytes).unwrap().0)
+    let pictures = place.ending(out, "final.exr");
+    assert_eq!(pictures.len(), 1, "{pictures:?}");
+    let bytes = std::fs::read(place.path(&pictures[0])).unwrap();
+    (pictures[0].clone(), exr::decode(&bytes).unwrap().0)
 }
 
 #[test]
@@ -231,11 +223,7 @@ fn jobs_name_the_library_and_results_are_read_without_it_and_with_another() {
     assert_eq!(done.status, 0, "{}", done.stderr);
 
     // A library that was built again, or is not there, makes no stored run wrong.
-    let files = place.files(&home);
-    let file = files
-        .iter()
-        .find(|file| file.ends_with("final.exr"))
-        .unwrap();
+    let file = &place.first_ending(&home, "final.exr");
     let other = place.path("other.so").to_string_lossy().into_owned();
     std::fs::copy(&library, &other).unwrap();
     append(Path::new(&other), b"changed");

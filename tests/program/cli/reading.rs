@@ -318,11 +318,7 @@ fn status_reports_the_progress_of_a_night_from_its_files() {
     );
     assert_eq!(facts["current"], Json::Null);
     // A run whose last file is missing is not done, whatever the journal records.
-    let done = place
-        .files("out")
-        .into_iter()
-        .find(|f| f.ends_with("done.json"))
-        .unwrap();
+    let done = place.first_ending("out", "done.json");
     std::fs::remove_file(place.path(&done)).unwrap();
     let facts = json(&place.succeed(&["status", "out/latest", "--json"]).stdout);
     assert_eq!(
@@ -333,11 +329,7 @@ fn status_reports_the_progress_of_a_night_from_its_files() {
         (Some(3), Some(1))
     );
     // A copy of the folder without any other file, as from another machine.
-    let night = place
-        .files("out")
-        .into_iter()
-        .find(|f| f.ends_with("plan.json"))
-        .unwrap();
+    let night = place.first_ending("out", "plan.json");
     let night = night.trim_end_matches("/plan.json");
     std::fs::rename(place.path(night), place.path("copy")).unwrap();
     let facts = json(&place.succeed(&["status", "copy", "--json"]).stdout);

@@ -1,7 +1,7 @@
 //! The recipes: every page has a script, shows it verbatim, and lists the files that it writes.
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::workplace::{ProgramOutput, Workplace};
 
@@ -72,27 +72,11 @@ fn is_there(place: &Workplace, pattern: &str) -> bool {
         None => place.path(pattern).is_file(),
         Some((below, tail)) => {
             let tail = format!("/{tail}");
-            files_below(&place.path(below))
+            crate::common::files_below(&place.path(below))
                 .iter()
                 .any(|file| file.to_string_lossy().replace('\\', "/").ends_with(&tail))
         }
     }
-}
-
-/// All files below a folder, which may be a link.
-fn files_below(folder: &Path) -> Vec<PathBuf> {
-    let (mut found, mut open) = (Vec::new(), vec![folder.to_owned()]);
-    while let Some(next) = open.pop() {
-        for entry in std::fs::read_dir(&next).into_iter().flatten().flatten() {
-            let path = entry.path();
-            if path.is_dir() {
-                open.push(path);
-            } else {
-                found.push(path);
-            }
-        }
-    }
-    found
 }
 
 /// The overrides of axes that make a recipe tiny: those of `TINY` that its script declares.
@@ -109,17 +93,8 @@ fn run(place: &Workplace, words: &[&str], recipe: &str, more: &[String]) -> Prog
     let out = place.path("out");
     let mut command = place.command(words);
     command.current_dir(root()).arg(script).args(more);
-    let output = command
-        .arg("--out")
-        .arg(out)
-        .args(["--backend", "cpu", "-q"])
-        .output()
-        .unwrap();
-    ProgramOutput {
-        status: output.status.code().unwrap_or(-1),
-        stdout: String::from_utf8(output.stdout).unwrap(),
-        stderr: String::from_utf8(output.stderr).unwrap(),
-    }
+    command.arg("--out").arg(out);
+    ProgramOutput::run(command.args(["--backend", "cpu", "-q"]))
 }
 
 /// Runs a recipe at tiny size and checks that it writes the files that its page lists.

@@ -6,11 +6,7 @@ use super::workplace::Workplace;
 
 /// Returns the only reference folder of a workplace. Panics unless there is exactly one.
 fn reference(place: &Workplace) -> String {
-    let found: Vec<String> = place
-        .files("out")
-        .into_iter()
-        .filter(|f| f.ends_with("/ref.json"))
-        .collect();
+    let found: Vec<String> = place.ending("out", "/ref.json");
     let [one] = found.as_slice() else {
         panic!("{found:?}")
     };
@@ -160,11 +156,7 @@ fn a_failed_bias_check_ends_the_night_with_status_6_and_writes_a_map() {
             "{stderr}"
         );
     }
-    let maps: Vec<String> = place
-        .files("out")
-        .into_iter()
-        .filter(|f| f.ends_with("/bias-check-bpt.png"))
-        .collect();
+    let maps: Vec<String> = place.ending("out", "/bias-check-bpt.png");
     assert_eq!(maps.len(), 1, "{maps:?}");
     let json = place.json(&maps[0].replace(".png", ".json"));
     assert_eq!(
@@ -230,11 +222,7 @@ fn a_longer_reference_continues_a_shorter_one_to_the_same_bytes() {
         stderr.contains("continues a shorter reference after 16 samples per pixel"),
         "{stderr}"
     );
-    let refs: Vec<String> = place
-        .files("out")
-        .into_iter()
-        .filter(|f| f.ends_with("/ref.json"))
-        .collect();
+    let refs: Vec<String> = place.ending("out", "/ref.json");
     let long = refs
         .iter()
         .map(|f| f.trim_end_matches("/ref.json"))
@@ -295,11 +283,7 @@ fn an_imported_reference_is_copied_with_its_provenance_and_unknown_noise() {
     assert!(plan.contains(&expected), "{plan}");
     let before = place.finished();
     place.succeed(&["run", "imported.lua", "depth=4", "-q"]);
-    let all: Vec<String> = place
-        .files("out")
-        .into_iter()
-        .filter(|f| f.ends_with("/ref.json"))
-        .collect();
+    let all: Vec<String> = place.ending("out", "/ref.json");
     let copies: Vec<_> = all
         .iter()
         .map(|f| (f, place.json(f)))

@@ -179,19 +179,11 @@ fn invalid_folders_axes_crops_and_thresholds_are_refused() {
 #[test]
 fn nights_of_two_machines_are_compared_only_if_both_devices_are_named() {
     let place = reported();
-    let night = place
-        .files("out")
-        .into_iter()
-        .find(|f| f.ends_with("/plan.json"))
-        .unwrap();
+    let night = place.first_ending("out", "/plan.json");
     let night = night.trim_end_matches("/plan.json").to_owned();
     copy_folder(&place.path(&night), &place.path("other/night"));
     // Simulates another machine: its device has another name, and its references are absent.
-    for done in place
-        .files("other")
-        .iter()
-        .filter(|f| f.ends_with("/done.json"))
-    {
+    for done in &place.ending("other", "/done.json") {
         let mut facts = DoneFile::read_from(&place.path(done)).unwrap();
         let DoneFile::Rendered(results) = &mut facts else {
             panic!("{done}")
@@ -331,9 +323,8 @@ fn tables_figures_and_methods_compile_in_latex() {
     let place = reported();
     place.succeed(&["report", "out/latest", "--to", "r"]);
     let inputs: String = place
-        .files("r")
+        .ending("r", ".tex")
         .iter()
-        .filter(|f| f.ends_with(".tex"))
         .map(|f| f.trim_start_matches("r/"))
         .map(|f| match f.starts_with("figures/") {
             true => format!("\\begin{{figure*}}\\centering\\input{{{f}}}\\end{{figure*}}\n\n"),
@@ -382,10 +373,7 @@ fn a_report_removes_the_figures_that_it_no_longer_makes() {
     place.write("study.lua", &night.replacen("x:render", axis, 1));
     place.succeed(&["run", "study.lua", "-q"]);
     place.succeed(&["report"]);
-    let figures = |place: &Workplace| -> Vec<String> {
-        let files = place.files("out/latest/report");
-        files.into_iter().filter(|f| f.ends_with(".svg")).collect()
-    };
+    let figures = |place: &Workplace| -> Vec<String> { place.ending("out/latest/report", ".svg") };
     let before = figures(&place);
     place.write("out/latest/report/figures/mine.svg", "<svg/>");
     place.succeed(&["report", "--by", "depth"]);

@@ -100,11 +100,7 @@ fn pictures_figures_and_tables_are_identical_when_rendered_again() {
             .unwrap()
             .ends_with("  identical\n")
     );
-    let reference = place
-        .files("out/refs")
-        .into_iter()
-        .find(|f| f.ends_with("ref.exr"))
-        .unwrap();
+    let reference = place.first_ending("out/refs", "ref.exr");
     assert!(
         place
             .succeed(&["reproduce", &reference])

@@ -59,7 +59,7 @@ fn stop_and_resume(signal: &str) -> Option<i32> {
         assert!(after.contains(done), "{} was rendered twice", done.0);
     }
     assert!(
-        !place.files("out").iter().any(|f| f.ends_with(".tmp")),
+        place.ending("out", ".tmp").is_empty(),
         "a temporary file remains"
     );
     status.code()
@@ -123,7 +123,7 @@ fn a_stopped_night_keeps_its_exit_code_when_figures_cannot_be_written() {
         std::fs::write(night.join("figures"), "").unwrap();
         send(&child, signal);
         assert_eq!(child.wait().unwrap().code(), Some(code));
-        assert!(!place.files("out").iter().any(|f| f.ends_with(".svg")));
+        assert!(place.ending("out", ".svg").is_empty());
     }
 }
 
@@ -215,8 +215,7 @@ fn sighup_writes_a_checkpoint_and_the_night_continues() {
     wait_for_first(&place, &mut child);
     let since = Instant::now();
     // Checkpoints exist only while their cell is rendered, so the signal is sent until one is seen.
-    let has_checkpoint =
-        |place: &Workplace| place.files("out").iter().any(|f| f.ends_with("ckpt.a"));
+    let has_checkpoint = |place: &Workplace| !place.ending("out", "ckpt.a").is_empty();
     while !has_checkpoint(&place) {
         assert!(since.elapsed() < MAX_WAIT, "no checkpoint was written");
         assert!(
@@ -259,11 +258,7 @@ return x
         .spawn()
         .unwrap();
     let since = Instant::now();
-    while !place
-        .files("out")
-        .iter()
-        .any(|f| f.ends_with("metrics.csv"))
-    {
+    while place.ending("out", "metrics.csv").is_empty() {
         assert!(since.elapsed() < MAX_WAIT);
         std::thread::sleep(Duration::from_millis(5));
     }

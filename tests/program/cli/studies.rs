@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use lumbre_light::film::Image;
 use serde_json::Value as Json;
 
 use super::workplace::{ProgramOutput, Workplace};
@@ -10,13 +11,7 @@ use super::workplace::{ProgramOutput, Workplace};
 /// Runs the program from the root of the repository, with results in the workplace.
 fn run(place: &Workplace, args: &[&str]) -> ProgramOutput {
     let mut command = place.command(args);
-    command.current_dir(env!("CARGO_MANIFEST_DIR"));
-    let output = command.output().unwrap();
-    ProgramOutput {
-        status: output.status.code().unwrap_or(-1),
-        stdout: String::from_utf8(output.stdout).unwrap(),
-        stderr: String::from_utf8(output.stderr).unwrap(),
-    }
+    ProgramOutput::run(command.current_dir(env!("CARGO_MANIFEST_DIR")))
 }
 
 /// Runs a script with small pictures, and returns its tables: the numbers of each row by its labels.
@@ -47,7 +42,7 @@ fn a_filter_and_flat_normals_change_pictures_and_not_their_noise() {
     let place = Workplace::new();
     let rates = study(&place, "smooth_normals", &["size=32", "samples=4"], "rate");
     assert_eq!(rates.len(), 3, "{rates:?}");
-    let pictures: Vec<Vec<u8>> = place
+    let pictures: Vec<Image> = place
         .finished()
         .iter()
         .map(|(done, _)| {
@@ -55,14 +50,6 @@ fn a_filter_and_flat_normals_change_pictures_and_not_their_noise() {
             std::fs::read(place.path(&format!("{run}/final.exr"))).unwrap()
         })
         .map(|bytes| lumbre_report::exr::decode(&bytes).unwrap().0)
-        .map(|image| {
-            image
-                .data
-                .as_flattened()
-                .iter()
-                .flat_map(|x| x.to_le_bytes())
-                .collect()
-        })
         .collect();
     assert_eq!(pictures.len(), 3);
     assert!(pictures[0] != pictures[1] && pictures[1] != pictures[2] && pictures[0] != pictures[2]);

@@ -25,11 +25,7 @@ fn failures_are_recorded_counted_and_limited() {
         "{}",
         night.stderr
     );
-    let records: Vec<String> = place
-        .files("out")
-        .into_iter()
-        .filter(|f| f.ends_with("failed.json"))
-        .collect();
+    let records: Vec<String> = place.ending("out", "failed.json");
     assert_eq!(records.len(), 2);
     let record = place.json(&records[0]);
     assert!(
@@ -62,23 +58,9 @@ fn failures_are_recorded_counted_and_limited() {
     let intended = place.succeed(&["run", "--failed", "--dry-run"]).stdout;
     assert!(intended.contains("runs 2 failed runs again"), "{intended}");
     assert_eq!(place.run(&["run", "--failed", "-q"]).status, 3);
-    assert_eq!(
-        place
-            .files("out")
-            .iter()
-            .filter(|f| f.ends_with("failed.json"))
-            .count(),
-        2
-    );
+    assert_eq!(place.ending("out", "failed.json").len(), 2);
     assert_eq!(place.run(&["run", "--retry", "-q"]).status, 3);
-    assert_eq!(
-        place
-            .files("out")
-            .iter()
-            .filter(|f| f.ends_with("failed.json"))
-            .count(),
-        5
-    );
+    assert_eq!(place.ending("out", "failed.json").len(), 5);
 }
 
 #[cfg(unix)]

@@ -47,11 +47,7 @@ fn no_control_characters_reach_the_terminal_the_log_or_the_page() {
     place.write("print.lua", &printing);
     let ended = place.succeed(&["run", "print.lua"]);
     assert!(!ended.stderr.contains(controls), "{:?}", ended.stderr);
-    let logs = place
-        .files("out")
-        .into_iter()
-        .filter(|f| f.ends_with("log.txt"));
-    for log in logs {
+    for log in place.ending("out", "log.txt") {
         let text = place.read(&log);
         assert!(
             !text.contains('\u{1b}') && !text.contains('\u{202e}'),

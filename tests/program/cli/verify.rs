@@ -4,15 +4,14 @@ use std::sync::Arc;
 
 use lumbre_light::film::Image;
 use lumbre_light::scene::compile;
-use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow, integrator};
-use lumbre_render::Job;
+use lumbre_light::transport::integrator::{INTEGRATORS, IntegratorRow};
 use lumbre_report::exr;
 use lumbre_scene_io::edit::set;
 use lumbre_scene_io::load;
 use serde_json::{Value as Json, json};
 
 use super::workplace::Workplace;
-use crate::common::{job, render};
+use crate::common::{named_job, render};
 
 /// A ball under a large light, for little noise.
 pub const SCENE: &str = r#"{
@@ -41,10 +40,7 @@ fn with_reference(factor: f32) -> Workplace {
     place.write("given/scenes/deep/ball.scn", SCENE);
     let (mut desc, _) = load::load(&place.path("given/scenes/deep/ball.scn")).unwrap();
     set(&mut desc, "materials.*.model", &"lambert".into()).unwrap();
-    let job = Job {
-        integrator: integrator("nee").unwrap(),
-        ..job([24, 16], 4, 12_345)
-    };
+    let job = named_job("nee", [24, 16], 4, 12_345);
     let film = render(&Arc::new(compile(&desc).unwrap().0), job, 4096);
     let write = |name: &str, image: &Image| {
         std::fs::write(

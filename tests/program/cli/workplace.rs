@@ -19,6 +19,25 @@ pub struct ProgramOutput {
     pub stderr: String,
 }
 
+impl ProgramOutput {
+    /// Runs a command to its end.
+    pub fn run(command: &mut Command) -> ProgramOutput {
+        let output = command.output().unwrap();
+        ProgramOutput {
+            status: output.status.code().unwrap_or(-1),
+            stdout: String::from_utf8(output.stdout).unwrap(),
+            stderr: String::from_utf8(output.stderr).unwrap(),
+        }
+    }
+
+    /// Expects this status of a program that was run with these arguments.
+    pub fn expect(self, status: i32, args: &[&str]) -> ProgramOutput {
+        let (out, err) = (&self.stdout, &self.stderr);
+        assert_eq!(self.status, status, "{args:?}\n{out}\n{err}");
+        self
+    }
+}
+
 /// A grey ball under an area light.
 const SCENE: &str = include_str!("../../common/ball.scn");
 
@@ -130,35 +149,18 @@ impl Workplace {
 
     /// Runs the program to its end.
     pub fn run(&self, args: &[&str]) -> ProgramOutput {
-        let output = self.command(args).output().unwrap();
-        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-        ProgramOutput {
-            status: output.status.code().unwrap_or(-1),
-            stdout: text(output.stdout),
-            stderr: text(output.stderr),
-        }
+        ProgramOutput::run(&mut self.command(args))
     }
 
     /// Runs the program and expects success.
     pub fn succeed(&self, args: &[&str]) -> ProgramOutput {
-        let ended = self.run(args);
-        assert_eq!(
-            ended.status, 0,
-            "{args:?}\n{}\n{}",
-            ended.stdout, ended.stderr
-        );
-        ended
+        self.run(args).expect(0, args)
     }
 
     /// Runs the program, expects this status, and returns its stderr with line breaks replaced by
     /// spaces, since they depend on the width of the terminal.
     pub fn fail(&self, status: i32, args: &[&str]) -> String {
-        let ended = self.run(args);
-        assert_eq!(
-            ended.status, status,
-            "{args:?}\n{}\n{}",
-            ended.stdout, ended.stderr
-        );
+        let ended = self.run(args).expect(status, args);
         let words: Vec<&str> = ended
             .stderr
             .split_whitespace()
@@ -184,6 +186,19 @@ impl Workplace {
         found
     }
 
+    /// Returns those of [`Workplace::files`] whose paths end with `end`.
+    pub fn ending(&self, below: &str, end: &str) -> Vec<String> {
+        let mut files = self.files(below);
+        files.retain(|file| file.ends_with(end));
+        files
+    }
+
+    /// Returns the first file of [`Workplace::ending`]. Panics if there is none.
+    pub fn first_ending(&self, below: &str, end: &str) -> String {
+        let first = self.ending(below, end).into_iter().next();
+        first.unwrap_or_else(|| panic!("no {end} in {:?}", self.files(below)))
+    }
+
     fn relative(&self, path: &Path) -> String {
         path.strip_prefix(self.dir.path())
             .unwrap()
@@ -193,10 +208,7 @@ impl Workplace {
 
     /// Returns every `done.json` of the experiments in `out` with the time it was written.
     pub fn finished(&self) -> Vec<(String, std::time::SystemTime)> {
-        let done = self
-            .files("out")
-            .into_iter()
-            .filter(|f| f.ends_with("/done.json"));
+        let done = self.ending("out", "/done.json").into_iter();
         done.map(|f| {
             (
                 f.clone(),

@@ -84,7 +84,7 @@ pub fn differing(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>) -
 /// Returns how often each run was finished according to the journals of a night's folder.
 pub fn finished(place: &Workplace, home: &str) -> BTreeMap<String, usize> {
     let mut counts = BTreeMap::new();
-    for file in place.files(home).iter().filter(|f| f.ends_with(".jsonl")) {
+    for file in &place.ending(home, ".jsonl") {
         let text = place.read(file);
         for line in text
             .lines()

@@ -67,12 +67,7 @@ fn a_planner_that_renders_shares_comparison_groups_with_workers() {
         return crate::common::skipped("this machine cannot give a process another host name");
     };
     let mut planner = spawn_quietly(place.command(&["run", "grid.lua", "--no-smoke"]));
-    let journals = || {
-        place
-            .files("out")
-            .into_iter()
-            .filter(|file| file.ends_with(".jsonl"))
-    };
+    let journals = || place.ending("out", ".jsonl").into_iter();
     wait_until("the planner's first cell", || {
         place.path("out/latest").exists()
             && std::fs::read_dir(place.path("out/latest/affinity")).is_ok()
@@ -140,11 +135,7 @@ fn a_comparison_group_of_another_device_model_is_skipped_and_reported() {
     // of it.
     let affinity_file = place.files(&format!("{home}/affinity")).remove(0);
     place.write(&affinity_file, OTHER_DEVICE);
-    let all = place.files(&format!("{home}/runs"));
-    let done: Vec<&String> = all
-        .iter()
-        .filter(|file| file.ends_with("/done.json"))
-        .collect();
+    let done = place.ending(&format!("{home}/runs"), "/done.json");
     done.iter()
         .for_each(|file| std::fs::remove_file(place.path(file)).unwrap());
     let error = place.fail(4, &["run", "grid.lua", "--no-smoke"]);
@@ -155,13 +146,7 @@ fn a_comparison_group_of_another_device_model_is_skipped_and_reported() {
     ] {
         assert!(error.contains(part), "{part} in {error}");
     }
-    let count_done = |place: &Workplace| {
-        place
-            .files(&home)
-            .iter()
-            .filter(|file| file.ends_with("/done.json"))
-            .count()
-    };
+    let count_done = |place: &Workplace| place.ending(&home, "/done.json").len();
     assert_eq!(count_done(&place), 6);
     place.succeed(&["run", "grid.lua", "-q", "--affinity", "none"]);
     assert_eq!(count_done(&place) + 2, RUNS);

@@ -33,10 +33,7 @@ return x
 /// Returns the pictures of all references below `out`.
 fn references(place: &Workplace, out: &str) -> BTreeMap<String, Vec<u8>> {
     let refs = format!("{out}/refs");
-    let pictures = place
-        .files(&refs)
-        .into_iter()
-        .filter(|file| file.ends_with(".exr"));
+    let pictures = place.ending(&refs, ".exr").into_iter();
     let found: BTreeMap<String, Vec<u8>> = pictures
         .map(|file| {
             (
@@ -52,9 +49,8 @@ fn references(place: &Workplace, out: &str) -> BTreeMap<String, Vec<u8>> {
 /// Returns `ref.json` of the reference with this number of samples, and its `metrics.csv`.
 fn reference(place: &Workplace, out: &str, samples: u64) -> (serde_json::Value, String) {
     let files = place
-        .files(&format!("{out}/refs"))
-        .into_iter()
-        .filter(|file| file.ends_with("/ref.json"));
+        .ending(&format!("{out}/refs"), "/ref.json")
+        .into_iter();
     let mut found = files.map(|file| {
         (
             place.json(&file),
@@ -120,9 +116,8 @@ fn a_sharded_reference_has_the_same_bytes_with_any_workers_and_after_kills() {
     // result.
     let is_in_progress = || {
         let journals = place
-            .files(&format!("{home}/workers"))
-            .into_iter()
-            .filter(|file| file.ends_with(".jsonl"));
+            .ending(&format!("{home}/workers"), ".jsonl")
+            .into_iter();
         let rendering = journals
             .filter(|file| place.read(file).contains("shard_started"))
             .count();
@@ -174,11 +169,7 @@ fn a_sharded_reference_has_the_same_bytes_with_any_workers_and_after_kills() {
         Vec::<String>::new()
     );
     let floors = |out: &str| {
-        let done = place
-            .files(out)
-            .into_iter()
-            .find(|file| file.ends_with("/done.json"))
-            .unwrap();
+        let done = place.first_ending(out, "/done.json");
         place.json(&done)["floors"]["rmse"].as_f64().unwrap()
     };
     assert_eq!(floors("out"), floors("alone"));
@@ -222,11 +213,7 @@ fn twice_the_samples_in_twice_the_shards_continue_the_stored_shards_to_the_same_
         output.contains("shard 1 of 7") && output.contains("shard 7 of 7"),
         "{output}"
     );
-    let picture = place
-        .files("fresh/refs")
-        .into_iter()
-        .find(|file| file.ends_with("/ref.exr"))
-        .unwrap();
+    let picture = place.first_ending("fresh/refs", "/ref.exr");
     let output = place
         .succeed(&["reproduce", &picture, "--out", "fresh"])
         .stdout;

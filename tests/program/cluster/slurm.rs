@@ -85,10 +85,7 @@ fn wait_until(place: &Workplace, home: &str, what: &str, mut holds: impl FnMut()
     let start = Instant::now();
     while !holds() {
         if start.elapsed() > MAX_WAIT {
-            let logs = place
-                .files(&format!("{home}/job"))
-                .into_iter()
-                .filter(|f| f.ends_with(".log"));
+            let logs = place.ending(&format!("{home}/job"), ".log").into_iter();
             let logs: Vec<String> = logs
                 .map(|log| format!("{log}:\n{}", place.read(&log)))
                 .collect();
@@ -143,9 +140,8 @@ fn a_night_on_slurm_survives_killed_requeued_and_expired_jobs() {
     // Returns the process of a task's worker while it renders.
     let rendering = |n: u32| -> Option<u64> {
         let files = place
-            .files(&format!("{home}/workers"))
-            .into_iter()
-            .filter(|f| f.ends_with(".json"));
+            .ending(&format!("{home}/workers"), ".json")
+            .into_iter();
         let mut workers =
             files.filter_map(|f| serde_json::from_str::<serde_json::Value>(&place.read(&f)).ok());
         workers.find(|w| w["job"] == task(n).as_str() && w["state"]["rendering"].is_object())?["owner"]

@@ -98,10 +98,7 @@ fn a_worker_stopped_by_sigusr1_exits_with_status_75_and_another_continues() {
     let mut first = start(&place, &home, "+0", true);
     // At its first cell the worker has the whole night ahead, however late the signal arrives.
     wait_until("the first cell", || {
-        let journals = place
-            .files(&home)
-            .into_iter()
-            .filter(|file| file.ends_with(".jsonl"));
+        let journals = place.ending(&home, ".jsonl").into_iter();
         journals
             .into_iter()
             .any(|file| place.read(&file).contains("\"cell_started\""))

@@ -2,19 +2,16 @@
 
 use std::time::Instant;
 
+use super::night::plan_script;
 use lumbre_light::film::Image;
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::compile;
-use lumbre_light::transport::integrator::integrator;
-use lumbre_light::transport::sampler::sampler;
 use lumbre_night::backends::backend;
+use lumbre_night::experiment::CellRef;
 use lumbre_night::experiment::event::History;
-use lumbre_night::experiment::plan::{Overrides, expand};
 use lumbre_night::experiment::run_progress::RunProgress;
-use lumbre_night::experiment::{CellRef, Plan};
 use lumbre_night::store::Store;
 use lumbre_render::Job;
-use lumbre_scene_io::load;
 
 /// Median seconds for writing a checkpoint of a 1280x720 cell of `bdpt` (which has a splat film),
 /// synced to disk.
@@ -28,24 +25,23 @@ pub fn checkpoint_s(
 ) -> Result<f64, String> {
     let scene = scene.canonicalize().map_err(|e| e.to_string())?;
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
-    let plan = planned(&scene, folder.path())?;
+    let text = format!(
+        "local x = experiment('bench', {{ seed = 1 }})\n\
+         x:render(function(p) return {{ scene = {:?}, integrator = 'bdpt', max_depth = 5,\n\
+           resolution = {{ 1280, 720 }}, backend = 'cpu' }} end)\n\
+         x:stop(stop.samples(1))\n\
+         return x\n",
+        scene.display().to_string()
+    );
+    let (_, plan, _) = plan_script(&text)?;
     let cell = &plan.cells[0];
     let (compiled, _) = compile(&cell.scene).map_err(|e| e.to_string())?;
-    let config = &cell.config;
-    let technique = integrator(&config.integrator).ok_or("no such integrator")?;
-    let resolution = config.resolution.unwrap_or(compiled.resolution);
-    let max_depth = config.max_depth.unwrap_or(compiled.max_depth);
     let job = Job {
-        sampler: sampler(&config.sampler).ok_or("no such sampler")?,
-        threads,
-        ..Job::plain(technique, resolution, max_depth, cell.seed)
-    }
-    .with(|settings| {
-        settings.params = config.params.clone();
-        settings.rr_start = config.rr_start;
-        settings.filter = config.filter;
-        settings.accel = config.accel;
-    });
+        seed: cell.seed,
+        ..cell
+            .config
+            .job(compiled.resolution, compiled.max_depth, threads)?
+    };
     let row = backend("cpu").ok_or("no such backend")?;
     let mut renderer = (row.open)(compiled.into(), job).map_err(|e| e.to_string())?;
     renderer.advance(1).map_err(|e| e.to_string())?;
@@ -65,27 +61,6 @@ pub fn checkpoint_s(
         seconds.push(start.elapsed().as_secs_f64());
     }
     Ok(median(seconds))
-}
-
-fn planned(scene: &std::path::Path, folder: &std::path::Path) -> Result<Plan, String> {
-    let file = folder.join("bench.lua");
-    let text = format!(
-        "local x = experiment('bench', {{ seed = 1 }})\n\
-         x:render(function(p) return {{ scene = {:?}, integrator = 'bdpt', max_depth = 5,\n\
-           resolution = {{ 1280, 720 }}, backend = 'cpu' }} end)\n\
-         x:stop(stop.samples(1))\n\
-         return x\n",
-        scene.display().to_string()
-    );
-    std::fs::write(&file, text).map_err(|e| e.to_string())?;
-    let script = lumbre_lua::load(&file).map_err(|e| e.to_string())?;
-    expand(
-        &script.spec,
-        &script,
-        &Overrides::default(),
-        &mut |path, _| load::load(path),
-    )
-    .map_err(|e| e.to_string())
 }
 
 fn no_picture(_: &[u8]) -> Result<Image, String> {

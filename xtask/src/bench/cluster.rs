@@ -2,8 +2,6 @@
 
 use std::path::Path;
 
-use serde_json::{Value as Json, json};
-
 use super::cluster_simulation::{ClusterSimulation, SimulationResult, simulate};
 
 /// The simulated night: 10,000 cells of two minutes on 1,000 workers. Every fiftieth cell kills its
@@ -96,22 +94,5 @@ impl ClusterCost {
             result.busiest,
             self.limit_s(),
         )
-    }
-
-    /// Returns the figures as JSON.
-    pub fn to_json(&self) -> Json {
-        let ClusterCost { plan, result } = self;
-        json!({
-            "cells": plan.cells, "workers": plan.workers, "cell_s": plan.cell_s,
-            "operation_s": plan.operation_s,
-            "night_s": result.night_s, "ideal_s": result.ideal_s, "work_s": result.work_s,
-            "wasted_s": result.wasted_s,
-            "idle_s": result.idle_s, "deaths": result.deaths, "stalls": result.stalls,
-            "twice": result.finished_twice,
-            "claims_asked": result.claims_requested, "claims_got": result.claims_granted,
-            "claims_per_s": result.claims_per_s(),
-            "operations": result.operations, "operations_busiest_s": result.busiest,
-            "limit_cell_s": self.limit_s(),
-        })
     }
 }

@@ -3,8 +3,6 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use serde_json::{Value as Json, json};
-
 use super::{metrics, night};
 use lumbre::cli::bench::backends::PROTOCOL;
 use lumbre_night::experiment::processor_time;
@@ -122,20 +120,11 @@ pub fn table(rows: &[DashboardCost]) -> String {
             .map_or_else(|| "        -".to_owned(), |s| format!("{:>9.2}", s * 100.0));
         let (columns, lines) = row.size;
         format!(
-            "{:<37}{share} % of one core\n",
-            format!("dashboard, {columns}x{lines}, 1280x720 px")
+            "{:<37}{share} % of one core, {} frames, {} bytes\n",
+            format!("dashboard, {columns}x{lines}, 1280x720 px"),
+            row.drawn.frames,
+            row.drawn.bytes
         )
     };
     rows.iter().map(line).collect()
-}
-
-/// Returns the figures as JSON.
-pub fn to_json(rows: &[DashboardCost]) -> Json {
-    rows.iter()
-        .map(|row| {
-            json!({ "columns": row.size.0, "rows": row.size.1, "frames": row.drawn.frames,
-            "bytes": row.drawn.bytes,
-                    "share_of_core": row.share })
-        })
-        .collect()
 }

@@ -4,8 +4,6 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use serde_json::{Value as Json, json};
-
 use lumbre::cli::bench::subject::Subject;
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::compile;
@@ -69,11 +67,6 @@ impl ImageTransfer {
         };
         let head = format!("transfer of an image of {width}x{height} from a worker after a wave\n");
         head + &line("shared memory", self.memory) + &line("pipe", self.pipe)
-    }
-
-    /// Returns the figures by name.
-    pub fn to_json(&self) -> Json {
-        json!({ "resolution": RESOLUTION, "memory_ms": self.memory, "pipe_ms": self.pipe })
     }
 }
 

@@ -6,8 +6,6 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use serde_json::{Value as Json, json};
-
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::desc::{SceneDesc, ShapeDesc, Texels};
 use lumbre_light::scene::{CompiledScene, compile};
@@ -114,19 +112,6 @@ impl Loading {
             );
         }
         text
-    }
-
-    /// Returns the figures by name.
-    pub fn to_json(&self) -> Json {
-        json!({
-            "triangles": self.triangles,
-            "file_bytes": self.file_bytes,
-            "load_s": self.load_s,
-            "compile_s": self.compile_s,
-            "bvh_build_s": self.build_s,
-            "array_bytes": self.arrays,
-            "peak_bytes": self.peak,
-        })
     }
 }
 

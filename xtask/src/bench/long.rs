@@ -6,10 +6,9 @@ use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::Duration;
 
-use serde_json::{Value as Json, json};
-
 use super::night::BALL;
 use lumbre_night::experiment::memory;
+use lumbre_night::paths::name;
 
 /// Number of cells of the night.
 const CELLS: usize = 400;
@@ -107,14 +106,6 @@ impl ShortCellCost {
             self.files
         )
     }
-
-    /// Returns the figures as JSON.
-    pub fn to_json(&self) -> Json {
-        json!({
-            "cells": CELLS, "memory_early_bytes": self.early, "memory_late_bytes": self.late,
-            "files_per_run": self.files,
-        })
-    }
 }
 
 /// Number of finished cells in the journal.
@@ -136,7 +127,7 @@ fn most_files(folder: &Path) -> usize {
         .collect();
     let own = entries
         .iter()
-        .filter(|path| path.is_file() && !name_of(path).starts_with("snap-"));
+        .filter(|path| path.is_file() && !name(path).starts_with("snap-"));
     let own = if folder.join("done.json").is_file() {
         own.count()
     } else {
@@ -150,11 +141,4 @@ fn most_files(folder: &Path) -> usize {
         .max()
         .unwrap_or(0)
         .max(own)
-}
-
-fn name_of(path: &Path) -> String {
-    path.file_name()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned()
 }

@@ -4,8 +4,6 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
-use serde_json::{Value as Json, json};
-
 use lumbre::cli::bench::backends::{PROTOCOL, protocol_metrics};
 use lumbre_light::film::Image;
 use lumbre_light::math::rng::{pcg4d, unit};
@@ -98,17 +96,4 @@ pub fn table(rows: &[MetricCost]) -> String {
         )
     };
     rows.iter().map(line).collect()
-}
-
-/// Returns wall and CPU time in seconds by metric.
-pub fn to_json(rows: &[MetricCost]) -> Json {
-    let seconds: serde_json::Map<_, _> = rows
-        .iter()
-        .map(|r| (r.metric.clone(), r.seconds.into()))
-        .collect();
-    let spent: serde_json::Map<_, _> = rows
-        .iter()
-        .map(|r| (r.metric.clone(), r.processor_s.into()))
-        .collect();
-    json!({ "width": SIZE[0], "height": SIZE[1], "seconds": seconds, "processor_s": spent })
 }

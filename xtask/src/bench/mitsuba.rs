@@ -6,8 +6,6 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::Arc;
 
-use serde_json::{Value as Json, json};
-
 use lumbre::cli::bench::subject::Subject;
 use lumbre::cli::format::aligned;
 use lumbre_light::math::stats::median;
@@ -127,16 +125,6 @@ impl BesideMitsuba {
             aligned(&lines)
         )
     }
-
-    /// Returns the figures as JSON.
-    pub fn to_json(&self) -> Json {
-        let rows = self.rows.iter().map(|row| {
-            json!({ "scene": row.scene, "mitsuba_ns": row.ns[0], "nee_ns": row.ns[1],
-                    "ratio": row.ratio })
-        });
-        json!({ "mitsuba": self.version, "side": SIDE, "max_depth": MAX_DEPTH,
-                "rows": rows.collect::<Json>() })
-    }
 }
 
 /// Measures one scene. Also returns Mitsuba's version.
@@ -154,10 +142,7 @@ fn measure_scene(
     let scene = compile(&desc).map_err(|e| e.to_string())?.0;
     let nee = INTEGRATORS.iter().find(|row| row.name == "nee");
     let nee = nee.ok_or("no integrator `nee`")?;
-    let job = Job {
-        threads: 1,
-        ..Job::plain(nee, [SIDE; 2], MAX_DEPTH, 1)
-    };
+    let job = Job::plain(nee, [SIDE; 2], MAX_DEPTH, 1).on_threads(1);
     let cpu = backend("cpu").ok_or("no cpu backend")?;
     let mut renderer = (cpu.open)(Arc::new(scene), job).map_err(|e| e.to_string())?;
     let mut ours = |samples| advance(renderer.as_mut(), samples);

@@ -23,7 +23,6 @@ use clap::Subcommand;
 use lumbre::cli::bench::processor_line;
 use lumbre::cli::bench::subject::Subject;
 use lumbre_light::math::stats::median;
-use serde_json::{Value as Json, json};
 
 use crate::{program, root};
 
@@ -45,9 +44,6 @@ pub struct Args {
     /// beside this program
     #[arg(long, global = true, value_name = "FILE")]
     program: Option<PathBuf>,
-    /// Print as JSON
-    #[arg(long, global = true)]
-    json: bool,
 }
 
 /// What is measured. The variants are in alphabetical order, as the help prints them.
@@ -81,108 +77,51 @@ enum Measured {
     },
 }
 
-/// Figures as text and as JSON.
-struct Figures {
-    text: String,
-    json: Json,
-}
-
 /// Measures and prints.
 ///
 /// # Errors
 /// Returns a message if a scene of the repository cannot be rendered, the program cannot be started
 /// or a temporary file cannot be written.
 pub fn run(args: &Args) -> Result<(), String> {
-    let figures = measure(args)?;
-    if args.json {
-        println!("{:#}", figures.json);
-    } else {
-        println!("{}\n\n{}", processor_line(), figures.text);
-    }
+    println!("{}\n\n{}", processor_line(), measure(args)?);
     Ok(())
 }
 
-fn measure(args: &Args) -> Result<Figures, String> {
+/// Measures and returns the figures as text.
+fn measure(args: &Args) -> Result<String, String> {
     let repeats = args.repeats.max(1);
     let scene = Subject::built_in(root().join(SCENE));
+    let program = || program(args.program.as_deref());
     Ok(match &args.subject {
-        Measured::Cluster => {
-            let cost = cluster::ClusterCost::measure(&std::env::temp_dir())?;
-            Figures {
-                text: cost.table(),
-                json: cost.to_json(),
-            }
-        }
-        Measured::Dashboard => {
-            let screens = dashboard::measure()?;
-            Figures {
-                text: dashboard::table(&screens),
-                json: dashboard::to_json(&screens),
-            }
-        }
+        Measured::Cluster => cluster::ClusterCost::measure(&std::env::temp_dir())?.table(),
+        Measured::Dashboard => dashboard::table(&dashboard::measure()?),
         Measured::Handover => {
-            let transfer = handover::ImageTransfer::measure(
-                &program(args.program.as_deref())?,
-                &scene,
-                repeats,
-            )?;
-            Figures {
-                text: transfer.table(),
-                json: transfer.to_json(),
-            }
+            handover::ImageTransfer::measure(&program()?, &scene, repeats)?.table()
         }
-        Measured::Loading => {
-            let loading = loading::Loading::measure(repeats)?;
-            Figures {
-                text: loading.table(),
-                json: loading.to_json(),
-            }
-        }
-        Measured::Metrics => {
-            let times = metrics::measure(repeats);
-            Figures {
-                text: metrics::table(&times),
-                json: metrics::to_json(&times),
-            }
-        }
-        Measured::Mitsuba(options) => {
-            let beside = mitsuba::BesideMitsuba::measure(options, repeats)?;
-            Figures {
-                text: beside.table(),
-                json: beside.to_json(),
-            }
-        }
-        Measured::Overheads => overheads(&program(args.program.as_deref())?, &scene, repeats)?,
+        Measured::Loading => loading::Loading::measure(repeats)?.table(),
+        Measured::Metrics => metrics::table(&metrics::measure(repeats)),
+        Measured::Mitsuba(options) => mitsuba::BesideMitsuba::measure(options, repeats)?.table(),
+        Measured::Overheads => overheads(&program()?, &scene, repeats)?,
         Measured::Ratios => {
             let subject =
                 |name: &str| Subject::built_in(root().join(format!("scenes/{name}/{name}.scn")));
             let (masked, plain) = (subject("masked_leaves"), subject("cornell_spheres"));
             let mut progress = |line: &str| eprintln!("{line}");
-            let ratios = ratios::Ratios::measure(&masked, &plain, repeats, &mut progress)?;
-            Figures {
-                text: ratios.table(),
-                json: ratios.to_json(),
-            }
+            ratios::Ratios::measure(&masked, &plain, repeats, &mut progress)?.table()
         }
-        Measured::Time { backend } => {
-            let costs = time::measure(&scene, backend, repeats)?;
-            Figures {
-                text: time::table(&costs),
-                json: time::to_json(&costs),
-            }
-        }
+        Measured::Time { backend } => time::table(&time::measure(&scene, backend, repeats)?),
     })
 }
 
 /// Measures the overheads of a night: start-up, planning, bookkeeping, checkpoints and listing.
-fn overheads(program: &Path, scene: &Subject, repeats: usize) -> Result<Figures, String> {
+fn overheads(program: &Path, scene: &Subject, repeats: usize) -> Result<String, String> {
     let (plan, plan_s) = night::plan_10_000_cells()?;
     let start_up_s = start_up_s(program);
     let outside = night::share_outside_advance(&scene.file, 0)?;
     let checkpoint_s = checkpoint::checkpoint_s(&scene.file, 0, repeats)?;
     let listing = scale::ListingCost::measure(&plan)?;
     let short_cells = long::ShortCellCost::measure(program)?;
-    let text = format!(
+    Ok(format!(
         "start-up (--version)                 {:>9.1} ms\n\
          plan of 10,000 cells                 {plan_s:>9.3} s\n\
          time outside `advance`, 4 s cell     {:>9.2} %\n\
@@ -194,16 +133,7 @@ fn overheads(program: &Path, scene: &Subject, repeats: usize) -> Result<Figures,
         checkpoint_s / 60.0 * 100.0,
         listing.table(),
         short_cells.table(),
-    );
-    let json = json!({
-        "start_up_s": start_up_s,
-        "plan_10000_cells_s": plan_s,
-        "share_outside_advance": outside,
-        "checkpoint_s": checkpoint_s,
-        "scale_10000_runs": listing.to_json(),
-        "night_of_short_cells": short_cells.to_json(),
-    });
-    Ok(Figures { text, json })
+    ))
 }
 
 /// Median seconds from starting the program to its end when it has nothing to do.

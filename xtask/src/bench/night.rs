@@ -47,7 +47,7 @@ impl Sink for Clocks {
 }
 
 /// Loads and plans a script from a temporary folder; returns the seconds this took.
-fn plan_script(text: &str) -> Result<(lumbre_lua::Script, Plan, f64), String> {
+pub(super) fn plan_script(text: &str) -> Result<(lumbre_lua::Script, Plan, f64), String> {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
     let file = folder.path().join("bench.lua");
     std::fs::write(&file, text).map_err(|e| e.to_string())?;

@@ -5,8 +5,6 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::Vec3;
-use serde_json::{Value as Json, json};
-
 use lumbre::cli::bench::interleave::interleaved;
 use lumbre::cli::bench::subject::Subject;
 use lumbre::cli::format::aligned;
@@ -160,24 +158,6 @@ impl Ratios {
         }
         text
     }
-
-    /// Returns the figures as JSON.
-    pub fn to_json(&self) -> Json {
-        let rows = self.rows.iter().map(|row| {
-            json!({
-                "what": row.name, "beside": row.baseline, "integrator": row.integrator,
-                "of_each": row.unit, "ns": row.ns,
-                "ratio": row.ratio, "aim": row.target,
-            })
-        });
-        let shared = self.shared.iter().map(|shared| {
-            json!({
-                "integrator": shared.integrator, "threads": [1, THREADS],
-                "writes_per_1000_paths": shared.writes,
-            })
-        });
-        json!({ "rows": rows.collect::<Json>(), "shared": shared.collect::<Json>() })
-    }
 }
 
 /// Compares masked leaves with the same leaves without masks.
@@ -281,10 +261,7 @@ impl SharedWrites {
         row: &'static IntegratorRow,
     ) -> Result<SharedWrites, String> {
         let writes = |threads: usize| {
-            let job = Job {
-                threads,
-                ..Job::plain(row, scene.resolution, scene.max_depth, 1)
-            };
+            let job = Job::plain(row, scene.resolution, scene.max_depth, 1).on_threads(threads);
             let mut renderer =
                 CpuRenderer::new(Arc::clone(scene), job).map_err(|e| e.to_string())?;
             let wave = renderer.advance(WAVE).map_err(|e| e.to_string())?;
@@ -388,10 +365,7 @@ fn open(
     row: &'static IntegratorRow,
     threads: usize,
 ) -> Result<Box<dyn Renderer>, String> {
-    let job = Job {
-        threads,
-        ..Job::plain(row, scene.resolution, scene.max_depth, 1)
-    };
+    let job = Job::plain(row, scene.resolution, scene.max_depth, 1).on_threads(threads);
     let cpu = backend("cpu").ok_or("no cpu backend")?;
     let mut renderer = (cpu.open)(Arc::clone(scene), job).map_err(|e| e.to_string())?;
     renderer.advance(1).map_err(|e| e.to_string())?;
@@ -492,7 +466,6 @@ mod tests {
             "{}",
             table.table()
         );
-        assert_eq!(table.to_json()["rows"][0]["of_each"], "path");
         // Only film rows are shared, for any number of threads.
         let paths = 32.0 * 24.0 * WAVE as f64;
         assert_eq!(table.shared[0].writes, [3.0 * 24.0 * 1e3 / paths; 2]);

@@ -5,8 +5,6 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Instant, SystemTime};
 
-use serde_json::{Value as Json, json};
-
 use lumbre::cli::inspect::follow::apply;
 use lumbre::cli::night::load::decode_picture;
 use lumbre_night::experiment::{Plan, memory};
@@ -117,15 +115,6 @@ impl ListingCost {
             self.look_s * 1e3
         )
     }
-
-    /// Returns the figures as JSON.
-    pub fn to_json(&self) -> Json {
-        json!({
-            "index_s": self.index_s, "ls_s": self.ls_s, "open_s": self.open_s,
-            "look_s": self.look_s,
-            "memory_bytes": self.memory,
-        })
-    }
 }
 
 /// Writes only the files that reading needs, without syncing.
@@ -223,6 +212,5 @@ mod tests {
         plan.cells.truncate(300);
         let scale = ListingCost::measure(&plan).unwrap();
         assert!(scale.table().contains("ls, building the index"));
-        assert!(scale.to_json()["open_s"].as_f64().unwrap() > 0.0);
     }
 }

@@ -1,4 +1,4 @@
-//! TimeFilmCost of time-resolved films, and of materials with delays or with component materials.
+//! Cost of time-resolved films, and of materials with delays or with component materials.
 //!
 //! All variants render the same scene with the same samples, so they trace the same paths. They
 //! are interleaved on one thread or on the device; ratios are taken within one round. The first
@@ -7,8 +7,6 @@
 //! and the more samples a wave adds to a pixel, the better its bins are cached.
 
 use std::sync::Arc;
-
-use serde_json::{Value as Json, json};
 
 use lumbre::cli::bench::backends::renders;
 use lumbre::cli::bench::interleave::interleaved;
@@ -153,11 +151,7 @@ fn open(
         lanes: variant.lanes,
         ..plain.settings.accel
     };
-    let job = Job {
-        threads: 1,
-        ..plain
-    }
-    .with(|settings| {
+    let job = plain.on_threads(1).with(|settings| {
         settings.timing = variant.film.then_some(timing);
         settings.accel = accel;
     });
@@ -211,30 +205,9 @@ impl TimeFilmCost {
     fn first(&self, variant: usize) -> f64 {
         self.first[variant] / SAMPLES[0] as f64 / (self.figures(variant).0 / self.samples as f64)
     }
+}
 
-    /// Returns the figures by name.
-    fn to_json(&self) -> Json {
-        let kinds = VARIANTS.iter().enumerate().map(|(i, variant)| {
-            let (seconds, ratio) = self.figures(i);
-            (
-                variant.name.to_owned(),
-                json!({ "seconds": seconds, "ratio": ratio, "first_s": self.first[i] }),
-            )
-        });
-        let kinds: serde_json::Map<_, _> = kinds.collect();
-        json!({
-            "backend": self.backend, "integrator": self.integrator, "samples": self.samples,
-            "kinds": kinds,
-        })
-    }
-}
-/// Returns the figures of all integrators.
-/// The figures of all integrators.
-pub fn to_json(costs: &[TimeFilmCost]) -> Json {
-    costs.iter().map(TimeFilmCost::to_json).collect()
-}
 /// Formats the figures as a table.
-/// The figures for people.
 pub fn table(costs: &[TimeFilmCost]) -> String {
     let mut rows = vec![
         [

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use super::program::{self, Ended};
+use lumbre_night::paths::files_below;
 
 /// A grey ball under an area light.
 const SCENE: &str = include_str!("../../../tests/common/ball.scn");
@@ -180,23 +181,14 @@ impl Room {
 
 /// Reads the files below a folder whose path satisfies a condition. Links are not followed.
 fn read(root: &Path, below: &str, wanted: &dyn Fn(&str) -> bool) -> Files {
-    let mut files = Files::new();
-    let mut pending = vec![root.join(below)];
-    while let Some(folder) = pending.pop() {
-        for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-            let path = entry.path();
-            let name = path.strip_prefix(root).unwrap_or(&path);
-            let name = name.to_string_lossy().replace('\\', "/");
-            match entry.file_type() {
-                Ok(kind) if kind.is_dir() => pending.push(path),
-                Ok(kind) if kind.is_file() && wanted(&name) => {
-                    files.insert(name, std::fs::read(path).unwrap_or_default());
-                }
-                _ => {}
-            }
-        }
-    }
-    files
+    let named = files_below(&root.join(below)).into_iter().map(|path| {
+        let name = path.strip_prefix(root).unwrap_or(&path);
+        (name.to_string_lossy().replace('\\', "/"), path)
+    });
+    let wanted = named.filter(|(name, _)| wanted(name));
+    wanted
+        .map(|(name, path)| (name, std::fs::read(path).unwrap_or_default()))
+        .collect()
 }
 
 /// Returns the name of the first file that differs.

@@ -321,86 +321,33 @@ pub trait Vector:
 impl Mask for bool {
     const LANES: u32 = 1;
 
-    #[inline(always)]
-    fn splat(yes: bool) -> bool {
-        yes
-    }
-    #[inline(always)]
-    fn first(count: usize) -> bool {
-        count > 0
-    }
-    #[inline(always)]
-    fn bits(self) -> u32 {
-        u32::from(self)
+    inlined! {
+        splat(yes: bool) -> bool = yes;
+        first(count: usize) -> bool = count > 0;
+        bits(self) -> u32 = u32::from(self);
     }
 }
 
 impl Word for u32 {
     type Real = f32;
 
-    #[inline(always)]
-    fn splat(x: u32) -> u32 {
-        x
-    }
-    #[inline(always)]
-    fn add(self, other: u32) -> u32 {
-        self.wrapping_add(other)
-    }
-    #[inline(always)]
-    fn sub(self, other: u32) -> u32 {
-        self.wrapping_sub(other)
-    }
-    #[inline(always)]
-    fn mul(self, other: u32) -> u32 {
-        self.wrapping_mul(other)
-    }
-    #[inline(always)]
-    fn xor(self, other: u32) -> u32 {
-        self ^ other
-    }
-    #[inline(always)]
-    fn and(self, other: u32) -> u32 {
-        self & other
-    }
-    #[inline(always)]
-    fn or(self, other: u32) -> u32 {
-        self | other
-    }
-    #[inline(always)]
-    fn shr<const BITS: u32>(self) -> u32 {
-        self >> BITS
-    }
-    #[inline(always)]
-    fn shl<const BITS: u32>(self) -> u32 {
-        self << BITS
-    }
-    #[inline(always)]
-    fn reverse_bits(self) -> u32 {
-        u32::reverse_bits(self)
-    }
-    #[inline(always)]
-    fn map_lanes(self, f: impl Fn(u32) -> u32) -> u32 {
-        f(self)
-    }
-    #[inline(always)]
-    fn sign_mask(self) -> u32 {
-        ((self as i32) >> 31) as u32
-    }
-    #[inline(always)]
-    fn eq(self, other: u32) -> bool {
-        self == other
-    }
-    #[inline(always)]
-    fn select(mask: bool, yes: u32, no: u32) -> u32 {
-        if mask { yes } else { no }
-    }
-    #[inline(always)]
-    fn to_float(self) -> f32 {
-        self as f32
-    }
-    #[inline(always)]
-    fn bits_to_float(self) -> f32 {
-        f32::from_bits(self)
+    inlined! {
+        splat(x: u32) -> u32 = x;
+        add(self, other: u32) -> u32 = self.wrapping_add(other);
+        sub(self, other: u32) -> u32 = self.wrapping_sub(other);
+        mul(self, other: u32) -> u32 = self.wrapping_mul(other);
+        xor(self, other: u32) -> u32 = self ^ other;
+        and(self, other: u32) -> u32 = self & other;
+        or(self, other: u32) -> u32 = self | other;
+        shr<const BITS: u32>(self) -> u32 = self >> BITS;
+        shl<const BITS: u32>(self) -> u32 = self << BITS;
+        reverse_bits(self) -> u32 = u32::reverse_bits(self);
+        map_lanes(self, f: impl Fn(u32) -> u32) -> u32 = f(self);
+        sign_mask(self) -> u32 = ((self as i32) >> 31) as u32;
+        eq(self, other: u32) -> bool = self == other;
+        select(mask: bool, yes: u32, no: u32) -> u32 = if mask { yes } else { no };
+        to_float(self) -> f32 = self as f32;
+        bits_to_float(self) -> f32 = f32::from_bits(self);
     }
 }
 
@@ -410,17 +357,24 @@ impl Real for f32 {
     type Vec3 = Vec3;
     type Double = f64;
 
-    #[inline(always)]
-    fn splat(x: f32) -> f32 {
-        x
-    }
-    #[inline(always)]
-    fn sqrt(self) -> f32 {
-        f32::sqrt(self)
-    }
-    #[inline(always)]
-    fn abs(self) -> f32 {
-        f32::abs(self)
+    inlined! {
+        splat(x: f32) -> f32 = x;
+        sqrt(self) -> f32 = f32::sqrt(self);
+        abs(self) -> f32 = f32::abs(self);
+        copysign(self, sign: f32) -> f32 = f32::copysign(self, sign);
+        min(self, bound: f32) -> f32 = f32::min(self, bound);
+        max(self, bound: f32) -> f32 = f32::max(self, bound);
+        clamp(self, least: f32, most: f32) -> f32 = f32::clamp(self, least, most);
+        lt(self, other: f32) -> bool = self < other;
+        le(self, other: f32) -> bool = self <= other;
+        eq(self, other: f32) -> bool = self == other;
+        is_finite(self) -> bool = f32::is_finite(self);
+        select(mask: bool, yes: f32, no: f32) -> f32 = if mask { yes } else { no };
+        map_lanes(self, f: impl Fn(f32) -> f32) -> f32 = f(self);
+        zip_lanes(self, other: f32, f: impl Fn(f32, f32) -> f32) -> f32 = f(self, other);
+        bits(self) -> u32 = self.to_bits();
+        truncated(self) -> u32 = self as i32 as u32;
+        double(self) -> f64 = f64::from(self);
     }
     #[inline(always)]
     fn floor(self) -> f32 {
@@ -434,62 +388,6 @@ impl Real for f32 {
             self
         }
     }
-    #[inline(always)]
-    fn copysign(self, sign: f32) -> f32 {
-        f32::copysign(self, sign)
-    }
-    #[inline(always)]
-    fn min(self, bound: f32) -> f32 {
-        f32::min(self, bound)
-    }
-    #[inline(always)]
-    fn max(self, bound: f32) -> f32 {
-        f32::max(self, bound)
-    }
-    #[inline(always)]
-    fn clamp(self, least: f32, most: f32) -> f32 {
-        f32::clamp(self, least, most)
-    }
-    #[inline(always)]
-    fn lt(self, other: f32) -> bool {
-        self < other
-    }
-    #[inline(always)]
-    fn le(self, other: f32) -> bool {
-        self <= other
-    }
-    #[inline(always)]
-    fn eq(self, other: f32) -> bool {
-        self == other
-    }
-    #[inline(always)]
-    fn is_finite(self) -> bool {
-        f32::is_finite(self)
-    }
-    #[inline(always)]
-    fn select(mask: bool, yes: f32, no: f32) -> f32 {
-        if mask { yes } else { no }
-    }
-    #[inline(always)]
-    fn map_lanes(self, f: impl Fn(f32) -> f32) -> f32 {
-        f(self)
-    }
-    #[inline(always)]
-    fn zip_lanes(self, other: f32, f: impl Fn(f32, f32) -> f32) -> f32 {
-        f(self, other)
-    }
-    #[inline(always)]
-    fn bits(self) -> u32 {
-        self.to_bits()
-    }
-    #[inline(always)]
-    fn truncated(self) -> u32 {
-        self as i32 as u32
-    }
-    #[inline(always)]
-    fn double(self) -> f64 {
-        f64::from(self)
-    }
     #[inline(never)]
     fn outline<K: Outlined>(computation: K) -> K::Output {
         computation.run()
@@ -499,49 +397,23 @@ impl Real for f32 {
 impl Double for f64 {
     type Real = f32;
 
-    #[inline(always)]
-    fn splat(x: f64) -> f64 {
-        x
-    }
-    #[inline(always)]
-    fn sqrt(self) -> f64 {
-        f64::sqrt(self)
-    }
-    #[inline(always)]
-    fn lookup(table: &[f64; 32], indices: u32) -> f64 {
-        table[indices as usize % 32]
-    }
-    #[inline(always)]
-    fn single(self) -> f32 {
-        self as f32
-    }
-    #[inline(always)]
-    fn gt(self, other: f64) -> bool {
-        self > other
-    }
-    #[inline(always)]
-    fn select(mask: bool, yes: f64, no: f64) -> f64 {
-        if mask { yes } else { no }
+    inlined! {
+        splat(x: f64) -> f64 = x;
+        sqrt(self) -> f64 = f64::sqrt(self);
+        lookup(table: &[f64; 32], indices: u32) -> f64 = table[indices as usize % 32];
+        single(self) -> f32 = self as f32;
+        gt(self, other: f64) -> bool = self > other;
+        select(mask: bool, yes: f64, no: f64) -> f64 = if mask { yes } else { no };
     }
 }
 
 impl Vector for Vec3 {
     type Scalar = f32;
 
-    #[inline(always)]
-    fn new(x: f32, y: f32, z: f32) -> Vec3 {
-        Vec3::new(x, y, z)
-    }
-    #[inline(always)]
-    fn x(self) -> f32 {
-        self.x
-    }
-    #[inline(always)]
-    fn y(self) -> f32 {
-        self.y
-    }
-    #[inline(always)]
-    fn z(self) -> f32 {
-        self.z
+    inlined! {
+        new(x: f32, y: f32, z: f32) -> Vec3 = Vec3::new(x, y, z);
+        x(self) -> f32 = self.x;
+        y(self) -> f32 = self.y;
+        z(self) -> f32 = self.z;
     }
 }

@@ -10,6 +10,7 @@ pub mod fixtures;
 pub mod noise;
 pub mod note;
 pub mod shape;
+pub mod simple;
 
 use std::path::PathBuf;
 

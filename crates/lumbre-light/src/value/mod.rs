@@ -36,6 +36,19 @@ pub enum Value {
     Map(BTreeMap<String, Value>),
 }
 
+/// Implements accessors of values of one type.
+macro_rules! accessors {
+    ($($(#[$doc:meta])* $name:ident: $Variant:ident($x:ident) -> $out:ty = $value:expr;)*) => {$(
+        $(#[$doc])*
+        pub fn $name(&self) -> Option<$out> {
+            match self {
+                Value::$Variant($x) => Some($value),
+                _ => None,
+            }
+        }
+    )*};
+}
+
 impl Value {
     /// Returns a normalised number: integral values below 2^53 become [`Value::Int`], `-0.0`
     /// becomes `0`.
@@ -56,41 +69,20 @@ impl Value {
         }
     }
 
-    /// Returns the value as an integer if it is one.
-    pub fn as_i64(&self) -> Option<i64> {
-        match self {
-            Value::Int(i) => Some(*i),
-            _ => None,
-        }
-    }
-
-    /// Returns the value as text if it is a string.
-    pub fn as_str(&self) -> Option<&str> {
-        match self {
-            Value::Str(s) => Some(s),
-            _ => None,
-        }
-    }
-
-    /// Returns the value as a list if it is one.
-    pub fn as_list(&self) -> Option<&[Value]> {
-        match self {
-            Value::List(l) => Some(l),
-            _ => None,
-        }
+    accessors! {
+        /// Returns the value as an integer if it is one.
+        as_i64: Int(i) -> i64 = *i;
+        /// Returns the value as text if it is a string.
+        as_str: Str(s) -> &str = s;
+        /// Returns the value as a list if it is one.
+        as_list: List(l) -> &[Value] = l;
+        /// Returns the value as a map if it is one.
+        as_map: Map(m) -> &BTreeMap<String, Value> = m;
     }
 
     /// Returns the items of a list, or any other value as the only item.
     pub fn one_or_many(&self) -> &[Value] {
         self.as_list().unwrap_or(std::slice::from_ref(self))
-    }
-
-    /// Returns the value as a map if it is one.
-    pub fn as_map(&self) -> Option<&BTreeMap<String, Value>> {
-        match self {
-            Value::Map(m) => Some(m),
-            _ => None,
-        }
     }
 
     /// Returns the name of the value's type for error messages.
@@ -177,28 +169,22 @@ impl fmt::Display for Value {
     }
 }
 
-impl From<&str> for Value {
-    fn from(s: &str) -> Value {
-        Value::Str(s.to_owned())
-    }
+/// Implements conversions of other types to values.
+macro_rules! conversions {
+    ($($type:ty: $x:ident => $value:expr;)*) => {$(
+        impl From<$type> for Value {
+            fn from($x: $type) -> Value {
+                $value
+            }
+        }
+    )*};
 }
 
-impl From<i64> for Value {
-    fn from(n: i64) -> Value {
-        Value::Int(n)
-    }
-}
-
-impl From<u32> for Value {
-    fn from(n: u32) -> Value {
-        Value::Int(i64::from(n))
-    }
-}
-
-impl From<f64> for Value {
-    fn from(x: f64) -> Value {
-        Value::number(x)
-    }
+conversions! {
+    &str: s => Value::Str(s.to_owned());
+    i64: n => Value::Int(n);
+    u32: n => Value::Int(i64::from(n));
+    f64: x => Value::number(x);
 }
 
 /// A map of keys and values.

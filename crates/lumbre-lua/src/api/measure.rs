@@ -183,17 +183,6 @@ fn data_table(lua: &Lua, map: &BTreeMap<String, Value>) -> mlua::Result<mlua::Ta
     Ok(table)
 }
 
-/// Returns the measurements of a script without `x:measure`: only the final picture is stored.
-pub fn default_measure() -> MeasureSpec {
-    MeasureSpec {
-        every_s: 0.5,
-        metrics: Vec::new(),
-        snapshots: Snapshots::Last,
-        captures: false,
-        display: Tonemap::Srgb { exposure: 0.0 },
-    }
-}
-
 fn measure(args: &Args) -> Result<LuaValue, ScriptError> {
     let table = args.table(0, "options")?;
     let (spec, display) = read_measure(&table).map_err(|e| args.locate_error(e))?;
@@ -207,7 +196,7 @@ fn measure(args: &Args) -> Result<LuaValue, ScriptError> {
 /// Converts the argument of `x:measure`. Returns the tone map too if the script sets it.
 fn read_measure(table: &mlua::Table) -> Result<(MeasureSpec, Option<Tonemap>), SchemaError> {
     let fields = strict::fields(table, &MEASURE, "measure", true)?;
-    let mut measure = default_measure();
+    let mut measure = MeasureSpec::default();
     if let Some(every) = fields.values.get("every").and_then(duration_s) {
         if every < MIN_EVERY_S {
             let problem = format!("{every} s is too short: expected at least {MIN_EVERY_S} s");

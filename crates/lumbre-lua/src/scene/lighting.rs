@@ -113,10 +113,9 @@ pub fn environment(args: &Args) -> Result<LuaValue, ScriptError> {
     }
     let (rotation_deg, scale) = (number("rotation", 0.0), number("scale", 1.0));
     builder.desc.environment = Some(EnvironmentDesc {
-        source,
         rotation_deg,
         scale,
-        sampling: Default::default(),
+        ..EnvironmentDesc::new(source)
     });
     Ok(LuaValue::Nil)
 }

@@ -22,7 +22,7 @@ use lumbre_render::Settings;
 pub type Point = Vec<(String, Value)>;
 
 /// The experiment of one script.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct ExperimentSpec {
     /// Name of the experiment: letters, digits, `_` and `-`.
     pub name: String,
@@ -246,6 +246,19 @@ pub struct MeasureSpec {
     pub captures: bool,
     /// Tone map of PNG files and of the live picture.
     pub display: Tonemap,
+}
+
+impl Default for MeasureSpec {
+    /// Returns the measurements of a script without `x:measure`: only the final picture is stored.
+    fn default() -> MeasureSpec {
+        MeasureSpec {
+            every_s: 0.5,
+            metrics: Vec::new(),
+            snapshots: Snapshots::Last,
+            captures: false,
+            display: Tonemap::Srgb { exposure: 0.0 },
+        }
+    }
 }
 
 /// Snapshots that are stored besides the final picture.

@@ -15,13 +15,12 @@ use crate::experiment::event::History;
 use crate::experiment::night::run::RunState;
 use crate::experiment::plan::{Cell, CellIdentity, Reference, ReferenceSource};
 use crate::experiment::run_progress::Claim;
-use crate::experiment::spec::{MeasureSpec, Snapshots};
+use crate::experiment::spec::MeasureSpec;
 use crate::experiment::{CellRef, Outcome, Plan, RunId, StopRule, WaveRow};
 use lumbre_light::film::Image;
 use lumbre_light::scene::SceneDesc;
-use lumbre_light::scene::desc::{CameraDesc, Optics};
+use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::value::Value;
-use lumbre_metrics::tonemap::Tonemap;
 use lumbre_render::Settings;
 
 pub(super) fn decode(bytes: &[u8]) -> Result<Image, String> {
@@ -43,12 +42,7 @@ fn config() -> Arc<Settings> {
 }
 
 fn scene() -> Arc<SceneDesc> {
-    let camera = CameraDesc {
-        position: Vec3::Z,
-        target: Vec3::ZERO,
-        optics: Optics::pinhole(40.0),
-        ..CameraDesc::default()
-    };
+    let camera = CameraDesc::pinhole(Vec3::Z, Vec3::ZERO, 40.0);
     Arc::new(SceneDesc {
         resolution: [8, 8],
         max_depth: 5,
@@ -82,12 +76,9 @@ pub(super) fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
         shard_samples: None,
     };
     Plan {
-        commands: Vec::new(),
-        commands_allowed: false,
         name: name.into(),
         hash: hash.into(),
         seed: 1,
-        settings: Vec::new(),
         axes: vec!["depth".into()],
         cells: ids.iter().enumerate().map(cell).collect(),
         references: vec![Reference {
@@ -96,24 +87,21 @@ pub(super) fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
             identity: Value::Nil,
             bias_check: None,
         }],
-        skipped: vec![],
-        notes: vec![],
-        warnings: vec![],
         measure: MeasureSpec {
             every_s: 1.0,
-            metrics: vec![],
-            snapshots: Snapshots::Last,
-            captures: false,
-            display: Tonemap::Srgb { exposure: 0.0 },
+            ..MeasureSpec::default()
         },
-        night: Default::default(),
-        figures: vec![],
-        tables: vec![],
-        sheets: vec![],
-        report: Default::default(),
         script_text: "-- a script\n".into(),
-        files: Default::default(),
+        ..Plan::default()
     }
+}
+
+/// Returns a folder and the store of the plan of cells with these ids, opened in it.
+pub(super) fn opened(ids: &[&str]) -> (tempfile::TempDir, Plan, Store) {
+    let dir = tempfile::tempdir().unwrap();
+    let plan = plan("night", "3f9a00", ids);
+    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    (dir, plan, store)
 }
 
 pub(super) fn row(wave: u64, invalid: u64) -> WaveRow {
@@ -162,9 +150,7 @@ fn only_run(folder: &Path) -> PathBuf {
 
 #[test]
 fn a_finished_run_is_found_with_its_rows_and_an_unfinished_one_is_not() {
-    let dir = tempfile::tempdir().unwrap();
-    let plan = plan("night", "3f9a00", &["aa11", "bb22"]);
-    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    let (dir, plan, store) = opened(&["aa11", "bb22"]);
     assert_eq!(store.folder(), dir.path().join("night-3f9a"));
     assert_eq!(
         fs::read_to_string(store.folder().join("experiment.lua")).unwrap(),
@@ -208,9 +194,7 @@ fn a_finished_run_is_found_with_its_rows_and_an_unfinished_one_is_not() {
 
 #[test]
 fn layer_images_belong_to_their_run() {
-    let dir = tempfile::tempdir().unwrap();
-    let plan = plan("night", "3f9a00", &["aa11"]);
-    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    let (dir, plan, store) = opened(&["aa11"]);
     let start = || {
         let mut run = store.start(&plan, CellRef::Cell(0), None).unwrap();
         run.open_metrics(&[], &[]).unwrap();
@@ -264,9 +248,7 @@ pub(super) fn only_run_of(store: &Store, id: &str) -> PathBuf {
 
 #[test]
 fn a_row_replaces_the_rest_of_a_failed_attempt_to_write_it() {
-    let dir = tempfile::tempdir().unwrap();
-    let plan = plan("night", "3f9a00", &["aa11"]);
-    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    let (_dir, plan, store) = opened(&["aa11"]);
     let mut run = store.start(&plan, CellRef::Cell(0), None).unwrap();
     run.open_metrics(&[], &[]).unwrap();
     run.append_row(&row(1, 0)).unwrap();
@@ -285,9 +267,7 @@ fn a_row_replaces_the_rest_of_a_failed_attempt_to_write_it() {
 
 #[test]
 fn the_share_of_lost_time_is_that_of_the_time_in_the_renderer() {
-    let dir = tempfile::tempdir().unwrap();
-    let plan = plan("night", "3f9a00", &["aa11"]);
-    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    let (_dir, plan, store) = opened(&["aa11"]);
     let mut run = store.start(&plan, CellRef::Cell(0), None).unwrap();
     run.open_metrics(&[], &[]).unwrap();
     run.append_row(&row(1, 0)).unwrap();
@@ -302,9 +282,7 @@ fn the_share_of_lost_time_is_that_of_the_time_in_the_renderer() {
 
 #[test]
 fn a_new_attempt_clears_the_failure_of_the_last_one() {
-    let dir = tempfile::tempdir().unwrap();
-    let plan = plan("night", "3f9a00", &["aa11"]);
-    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    let (_dir, plan, store) = opened(&["aa11"]);
     let failure = || store.failure(&plan, CellRef::Cell(0)).map(|f| f.reason);
     store
         .record_failure(&plan, CellRef::Cell(0), "the lens fell off")
@@ -316,9 +294,7 @@ fn a_new_attempt_clears_the_failure_of_the_last_one() {
 
 #[test]
 fn starting_again_removes_old_results_and_keeps_other_files() {
-    let dir = tempfile::tempdir().unwrap();
-    let plan = plan("night", "3f9a00", &["aa11"]);
-    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    let (_dir, plan, store) = opened(&["aa11"]);
     finish_run(&store, &plan, 0);
     let folder = only_run(store.folder());
     fs::write(folder.join("snap-2.exr"), b"old").unwrap();
@@ -335,9 +311,7 @@ fn starting_again_removes_old_results_and_keeps_other_files() {
 
 #[test]
 fn runs_of_a_sibling_folder_count_and_those_of_another_experiment_do_not() {
-    let dir = tempfile::tempdir().unwrap();
-    let first = plan("night", "3f9a00", &["aa11"]);
-    let store = Store::open(dir.path(), &first, decode).unwrap();
+    let (dir, first, store) = opened(&["aa11"]);
     finish_run(&store, &first, 0);
     drop(store);
     let second = plan("night", "77770", &["cc33", "aa11"]);
@@ -369,9 +343,7 @@ fn runs_of_a_sibling_folder_count_and_those_of_another_experiment_do_not() {
 
 #[test]
 fn a_cell_with_the_same_id_finds_the_run_that_was_just_finished() {
-    let dir = tempfile::tempdir().unwrap();
-    let plan = plan("night", "3f9a00", &["aa11", "aa11"]);
-    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    let (_dir, plan, store) = opened(&["aa11", "aa11"]);
     assert_eq!(store.finished_run(&plan, CellRef::Cell(1)), None);
     finish_run(&store, &plan, 0);
     assert!(
@@ -418,9 +390,7 @@ pub fn eventually(mut ask: impl FnMut() -> Claim) -> Claim {
 
 #[test]
 fn references_are_shared_and_decoded() {
-    let dir = tempfile::tempdir().unwrap();
-    let mut plan = plan("night", "3f9a00", &[]);
-    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    let (dir, mut plan, store) = opened(&[]);
     assert!(store.image(&plan, 0).unwrap().is_none());
     let run = store.start(&plan, CellRef::Reference(0), None).unwrap();
     assert_eq!(run.folder(), dir.path().join("refs/ee/ee00"));
@@ -461,9 +431,7 @@ fn references_are_shared_and_decoded() {
 
 #[test]
 fn rows_of_another_width_than_the_header_are_refused() {
-    let dir = tempfile::tempdir().unwrap();
-    let plan = plan("night", "3f9a00", &["aa11"]);
-    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    let (_dir, plan, store) = opened(&["aa11"]);
     let mut run = store.start(&plan, CellRef::Cell(0), None).unwrap();
     assert!(run.append_row(&row(1, 0)).is_err());
     run.open_metrics(&["rmse"], &[]).unwrap();
@@ -477,9 +445,7 @@ fn rows_of_another_width_than_the_header_are_refused() {
 
 #[test]
 fn runs_are_found_by_folder_and_by_the_first_digits() {
-    let dir = tempfile::tempdir().unwrap();
-    let plan = plan("night", "3f9a00", &["aa11", "aa22"]);
-    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    let (dir, plan, store) = opened(&["aa11", "aa22"]);
     finish_run(&store, &plan, 0);
     finish_run(&store, &plan, 1);
     let record = read_run(dir.path(), "AA1").unwrap();
@@ -517,9 +483,7 @@ fn runs_are_found_by_folder_and_by_the_first_digits() {
 
 #[test]
 fn failed_unfinished_and_pending_runs_have_different_states() {
-    let dir = tempfile::tempdir().unwrap();
-    let plan = plan("night", "3f9a00", &["aa11", "bb22", "cc33"]);
-    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    let (dir, plan, store) = opened(&["aa11", "bb22", "cc33"]);
     drop(store.start(&plan, CellRef::Cell(0), None).unwrap());
     drop(store.start(&plan, CellRef::Cell(1), None).unwrap());
     store

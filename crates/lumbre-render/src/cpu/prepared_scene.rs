@@ -31,7 +31,7 @@ impl RenderThreads {
             .num_threads(count)
             .thread_name(|i| format!("render-{i}"))
             .build()
-            .map_err(|e| failed(format!("cannot start render threads: {e}")))?;
+            .map_err(|e| RenderError::failed("cpu", format!("cannot start render threads: {e}")))?;
         let clock = RenderClock::new(&pool);
         Ok(Arc::new(RenderThreads { pool, clock }))
     }
@@ -81,7 +81,7 @@ impl PreparedScene {
     ) -> Result<PreparedScene, RenderError> {
         let build = || Accel::build_as(scene, accel, isa);
         let accel = threads.pool.install(build);
-        let accel = accel.map_err(|e| failed(e.to_string()))?;
+        let accel = accel.map_err(|e| RenderError::failed("cpu", e))?;
         Ok(PreparedScene {
             classes: Arc::new(SurfaceClasses::new(&accel.scene)),
             accel: Arc::new(accel),
@@ -120,13 +120,6 @@ impl PreparedScene {
         let [origin, dir] = camera.ray::<Vec3>(pixel.map(|n| n as f32), center, center);
         let ray = Ray { origin, dir };
         (ray, self.accel.closest(&ray, f32::INFINITY))
-    }
-}
-
-fn failed(reason: String) -> RenderError {
-    RenderError::Failed {
-        backend: "cpu",
-        reason,
     }
 }
 

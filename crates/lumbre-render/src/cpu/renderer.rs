@@ -97,10 +97,7 @@ impl CpuRenderer {
 
     /// Starts a run on a prepared scene: allocates the films and prepares the technique.
     pub(super) fn open(scene: &PreparedScene, job: Job) -> Result<CpuRenderer, RenderError> {
-        let unsupported = |reason: String| RenderError::Unsupported {
-            backend: "cpu",
-            reason,
-        };
+        let unsupported = |reason: String| RenderError::unsupported("cpu", reason);
         let threads = Arc::clone(&scene.threads);
         let pool = &threads.pool;
         let layers = LayerFilms::for_job(&job).map_err(unsupported)?;
@@ -476,10 +473,7 @@ impl Renderer for CpuRenderer {
             .layers
             .as_ref()
             .filter(|layers| index < layers.films().len());
-        let missing = || RenderError::Failed {
-            backend: "cpu",
-            reason: format!("layer film {index} does not exist"),
-        };
+        let missing = || RenderError::failed("cpu", format!("layer film {index} does not exist"));
         Ok(layers.ok_or_else(missing)?.film(
             index,
             [self.own.width, self.own.height],
@@ -514,10 +508,7 @@ impl Renderer for CpuRenderer {
             }
             from.finish()
         };
-        read().map_err(|e| RenderError::Failed {
-            backend: "cpu",
-            reason: e.to_string(),
-        })?;
+        read().map_err(|e| RenderError::failed("cpu", e))?;
         self.combine_splats();
         Ok(())
     }

@@ -126,10 +126,7 @@ pub fn open<E: From<RenderError>>(
 }
 
 fn failed(reason: impl ToString) -> RenderError {
-    RenderError::Failed {
-        backend: "denoise",
-        reason: reason.to_string(),
-    }
+    RenderError::failed("denoise", reason)
 }
 
 /// A denoiser that is ready for pictures of one size.

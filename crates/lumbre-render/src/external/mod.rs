@@ -183,23 +183,20 @@ pub fn open(
     let technique =
         technique_of(job.integrator, integrator, &job.settings.params).map_err(failed)?;
     if is_declared(job.integrator) && !access.commands {
-        return Err(RenderError::Unsupported {
-            backend: BACKEND,
-            reason: format!(
+        return Err(RenderError::unsupported(
+            BACKEND,
+            format!(
                 "{integrator} runs a command of the script, which is not allowed: add \
                  --allow-commands"
             ),
-        });
+        ));
     }
     let renderer = renderer::ExternalRenderer::start(technique, scene, job, access)?;
     Ok(Box::new(renderer))
 }
 
-fn failed(reason: impl std::fmt::Display) -> RenderError {
-    RenderError::Failed {
-        backend: BACKEND,
-        reason: reason.to_string(),
-    }
+fn failed(reason: impl ToString) -> RenderError {
+    RenderError::failed(BACKEND, reason)
 }
 
 /// Returns the error for a program that was not waited for any longer.

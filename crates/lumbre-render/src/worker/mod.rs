@@ -178,10 +178,7 @@ fn refused(process: &mut WorkerProcess, backend: &'static str, reply: Reply) -> 
         Reply::Failed(RenderError::Failed { reason, .. }) => {
             RenderError::Failed { backend, reason }
         }
-        _ => RenderError::Lost {
-            backend,
-            reason: process.end(PROTOCOL_ERROR),
-        },
+        _ => RenderError::lost(backend, process.end(PROTOCOL_ERROR)),
     }
 }
 
@@ -227,19 +224,12 @@ impl WorkerRenderer {
                 Err(refused(&mut process, self.backend, Reply::Failed(error)))
             }
             Ok(reply) => Ok(reply),
-            Err(reason) => Err(RenderError::Lost {
-                backend: self.backend,
-                reason,
-            }),
+            Err(reason) => Err(RenderError::lost(self.backend, reason)),
         }
     }
 
     fn protocol_error(&self) -> RenderError {
-        let reason = lock(&self.process).end(PROTOCOL_ERROR);
-        RenderError::Lost {
-            backend: self.backend,
-            reason,
-        }
+        RenderError::lost(self.backend, lock(&self.process).end(PROTOCOL_ERROR))
     }
 }
 

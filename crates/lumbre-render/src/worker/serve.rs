@@ -103,10 +103,7 @@ fn answer(
             Ok(Err(error)) => Some(Reply::Failed(error)),
             Err(payload) => {
                 let reason = format!("panic in the worker process: {}", panic_message(&*payload));
-                Some(Reply::Failed(RenderError::Failed {
-                    backend: "worker",
-                    reason,
-                }))
+                Some(Reply::Failed(RenderError::failed("worker", reason)))
             }
         };
         if let Some(reply) = reply {
@@ -127,10 +124,8 @@ fn panic_message(payload: &(dyn Any + Send)) -> &str {
 
 impl WorkerSession<'_> {
     fn run(&mut self, run: u64) -> Result<&mut Run, RenderError> {
-        let unknown = || RenderError::Failed {
-            backend: "worker",
-            reason: format!("run {run} is not open in this worker"),
-        };
+        let unknown =
+            || RenderError::failed("worker", format!("run {run} is not open in this worker"));
         self.runs.get_mut(&run).ok_or_else(unknown)
     }
 
@@ -147,10 +142,7 @@ impl WorkerSession<'_> {
             }
             Request::Device => Reply::Device((self.calls.device)()),
             Request::Open(run, backend, job, film) => {
-                let none = || RenderError::Failed {
-                    backend: "worker",
-                    reason: "no scene was sent to this worker".to_owned(),
-                };
+                let none = || RenderError::failed("worker", "no scene was sent to this worker");
                 let scene = self.scene.clone().ok_or_else(none)?;
                 let renderer = (self.calls.open)(&backend, scene, *job)?;
                 let stats = renderer.open_stats().clone();

@@ -164,12 +164,7 @@ pub(super) fn set_environment(
     match (source, &mut desc.environment) {
         (Some(source), Some(environment)) => environment.source = source,
         (Some(source), None) => {
-            desc.environment = Some(EnvironmentDesc {
-                source,
-                rotation_deg: 0.0,
-                scale: 1.0,
-                sampling: EnvironmentSampling::default(),
-            });
+            desc.environment = Some(EnvironmentDesc::new(source));
         }
         (None, Some(environment)) => (row.set_checked)(environment, value),
         (None, None) => {

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::{BVec3, DVec3, Vec3};
 
 use lumbre_light::scene::desc::{
-    CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc,
+    CameraDesc, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc,
 };
 
 /// Default resolution in pixels.
@@ -93,12 +93,7 @@ pub fn framing_camera(bounds: Option<[Vec3; 2]>) -> CameraDesc {
         Some([low, high]) => ((low + high) / 2.0, ((high - low).length() / 2.0).max(1e-6)),
     };
     let distance = 1.1 * radius / (fov_deg.to_radians() / 2.0).sin();
-    CameraDesc {
-        position: center + Vec3::Z * distance,
-        target: center,
-        optics: Optics::pinhole(fov_deg),
-        ..CameraDesc::default()
-    }
+    CameraDesc::pinhole(center + Vec3::Z * distance, center, fov_deg)
 }
 
 /// Returns a point that a camera at `position` looks at in the unit direction `forward`: one unit

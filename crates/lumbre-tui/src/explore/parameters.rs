@@ -9,34 +9,22 @@ use lumbre_light::value::schema::{AUTO, Field, Table, Ty};
 use lumbre_lua::RENDER;
 use lumbre_metrics::tonemap::TONEMAPS;
 
-/// Group of parameters with a heading of its own.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Group {
-    /// The technique, its parameters, and the length of paths.
-    Technique,
-    /// Random numbers and the pixel filter.
-    Sampling,
-    /// Position, direction and lens of the camera.
-    Camera,
-    /// Films of the layers.
-    Layers,
-    /// Tone map of the screen and of PNG files.
-    Display,
-    /// Limits after which rendering stops.
-    Limits,
-}
-
-impl Group {
-    /// Heading of the group.
-    pub fn name(self) -> &'static str {
-        match self {
-            Group::Technique => "Technique",
-            Group::Sampling => "Sampling",
-            Group::Camera => "Camera",
-            Group::Layers => "Layers",
-            Group::Display => "Display",
-            Group::Limits => "Limits",
-        }
+lumbre_light::named! {
+    /// Group of parameters with a heading of its own.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+    pub enum Group {
+        /// The technique, its parameters, and the length of paths.
+        Technique = "Technique",
+        /// Random numbers and the pixel filter.
+        Sampling = "Sampling",
+        /// Position, direction and lens of the camera.
+        Camera = "Camera",
+        /// Films of the layers.
+        Layers = "Layers",
+        /// Tone map of the screen and of PNG files.
+        Display = "Display",
+        /// Limits after which rendering stops.
+        Limits = "Limits",
     }
 }
 

@@ -249,6 +249,7 @@ mod offset_tests {
     use super::*;
     use crate::pipelines::glsl::Compiler;
     use crate::pipelines::recipe::Recipe;
+    use crate::pipelines::shrink::instructions;
     use crate::pipelines::sources::Sources;
 
     /// Returns the offset in bytes of every struct member in a module: `(struct, member) -> bytes`.
@@ -263,11 +264,8 @@ mod offset_tests {
         };
         let (mut names, mut members, mut found) =
             (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
-        let mut rest = &words[5..];
-        while let Some(first) = rest.first() {
-            let (op, length) = (first & 0xffff, (first >> 16) as usize);
-            let (instruction, next) = rest.split_at(length);
-            match op {
+        for instruction in instructions(words) {
+            match instruction[0] & 0xffff {
                 5 => {
                     names.insert(instruction[1], text(&instruction[2..]));
                 }
@@ -280,7 +278,6 @@ mod offset_tests {
                 }
                 _ => {}
             }
-            rest = next;
         }
         found
             .into_iter()

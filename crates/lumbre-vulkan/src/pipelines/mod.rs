@@ -18,7 +18,7 @@ pub mod recipe;
 mod registry;
 mod render_pipeline;
 mod shader_error;
-mod shrink;
+pub mod shrink;
 pub mod sources;
 pub mod statistics;
 pub mod test_kernel;

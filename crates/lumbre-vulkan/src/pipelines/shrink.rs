@@ -47,8 +47,8 @@ fn op(instruction: &[u32]) -> u32 {
     instruction[0] & 0xffff
 }
 
-/// Splits a module into its instructions.
-fn instructions(words: &[u32]) -> Vec<&[u32]> {
+/// Splits a module into its instructions. No instruction is empty.
+pub fn instructions(words: &[u32]) -> Vec<&[u32]> {
     let (mut rest, mut found) = (words.get(HEADER..).unwrap_or_default(), Vec::new());
     while let Some(first) = rest.first() {
         let length = ((first >> 16) as usize).clamp(1, rest.len());

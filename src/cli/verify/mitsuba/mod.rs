@@ -18,15 +18,12 @@ use self::cases::{Case, Subject};
 use self::peer::{Peer, PeerRequest, SmallView};
 use super::picture::{NoisyPicture, Setting, judge, render};
 use super::technique::Technique;
-use super::{Check, Outcome, Verdict, VerifyRequest};
+use super::{Check, Outcome, SeedFamily, Verdict, VerifyRequest};
 use lumbre_light::scene::compile;
 use lumbre_light::scene::{Note, SceneDesc};
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::value::Value;
 use lumbre_scene_io::{edit, export, load};
-
-/// Identifies the seeds of these checks.
-const SEED_FAMILY: u64 = 5;
 
 /// Side in pixels of the compared blocks.
 const BLOCK: u32 = 8;
@@ -98,7 +95,7 @@ pub fn plan(request: &VerifyRequest) -> Result<Vec<Check>, String> {
     Ok(chosen
         .filter(|(_, case)| case.quick || !request.quick)
         .map(|(i, case)| {
-            let (place, seed) = (Rc::clone(&place), request.seed(SEED_FAMILY, i));
+            let (place, seed) = (Rc::clone(&place), request.seed(SeedFamily::Mitsuba, i));
             let (list, text) = (case.list.clone(), case.text.clone());
             Check::new(list, text, move |tests| {
                 place.compare(&case, i, seed, tests)

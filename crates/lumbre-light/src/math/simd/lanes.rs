@@ -114,21 +114,11 @@ pub fn active_lanes(mut bits: u32) -> impl Iterator<Item = usize> {
 impl<R: Real<Vec3 = Vec3xN<R>>> Vector for Vec3xN<R> {
     type Scalar = R;
 
-    #[inline(always)]
-    fn new(x: R, y: R, z: R) -> Vec3xN<R> {
-        Vec3xN { x, y, z }
-    }
-    #[inline(always)]
-    fn x(self) -> R {
-        self.x
-    }
-    #[inline(always)]
-    fn y(self) -> R {
-        self.y
-    }
-    #[inline(always)]
-    fn z(self) -> R {
-        self.z
+    inlined! {
+        new(x: R, y: R, z: R) -> Vec3xN<R> = Vec3xN { x, y, z };
+        x(self) -> R = self.x;
+        y(self) -> R = self.y;
+        z(self) -> R = self.z;
     }
 }
 

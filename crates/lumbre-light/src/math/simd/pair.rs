@@ -107,21 +107,14 @@ impl<T: Real> Real for Pair<T> {
     methods! {
         select(mask: Pair<T::Mask>, yes: Pair<T>, no: Pair<T>) -> Pair<T>;
     }
-    #[inline(always)]
-    fn splat(x: f32) -> Pair<T> {
-        Pair(T::splat(x), T::splat(x))
-    }
-    #[inline(always)]
-    fn clamp(self, least: f32, most: f32) -> Pair<T> {
-        Pair(self.0.clamp(least, most), self.1.clamp(least, most))
-    }
-    #[inline(always)]
-    fn map_lanes(self, f: impl Fn(f32) -> f32) -> Pair<T> {
-        Pair(self.0.map_lanes(&f), self.1.map_lanes(&f))
-    }
-    #[inline(always)]
-    fn zip_lanes(self, other: Pair<T>, f: impl Fn(f32, f32) -> f32) -> Pair<T> {
-        Pair(self.0.zip_lanes(other.0, &f), self.1.zip_lanes(other.1, &f))
+    inlined! {
+        splat(x: f32) -> Pair<T> = Pair(T::splat(x), T::splat(x));
+        clamp(self, least: f32, most: f32) -> Pair<T> =
+            Pair(self.0.clamp(least, most), self.1.clamp(least, most));
+        map_lanes(self, f: impl Fn(f32) -> f32) -> Pair<T> =
+            Pair(self.0.map_lanes(&f), self.1.map_lanes(&f));
+        zip_lanes(self, other: Pair<T>, f: impl Fn(f32, f32) -> f32) -> Pair<T> =
+            Pair(self.0.zip_lanes(other.0, &f), self.1.zip_lanes(other.1, &f));
     }
     #[inline(always)]
     fn outline<K: Outlined>(computation: K) -> K::Output {
@@ -140,13 +133,10 @@ impl<T: Double> Double for Pair<T> {
     methods! {
         select(mask: Pair<<T::Real as Real>::Mask>, yes: Pair<T>, no: Pair<T>) -> Pair<T>;
     }
-    #[inline(always)]
-    fn splat(x: f64) -> Pair<T> {
-        Pair(T::splat(x), T::splat(x))
-    }
-    #[inline(always)]
-    fn lookup(table: &[f64; 32], indices: Pair<<T::Real as Real>::Word>) -> Pair<T> {
-        Pair(T::lookup(table, indices.0), T::lookup(table, indices.1))
+    inlined! {
+        splat(x: f64) -> Pair<T> = Pair(T::splat(x), T::splat(x));
+        lookup(table: &[f64; 32], indices: Pair<<T::Real as Real>::Word>) -> Pair<T> =
+            Pair(T::lookup(table, indices.0), T::lookup(table, indices.1));
     }
 }
 
@@ -168,21 +158,12 @@ impl<T: Word> Word for Pair<T> {
     methods! {
         select(mask: Pair<<T::Real as Real>::Mask>, yes: Pair<T>, no: Pair<T>) -> Pair<T>;
     }
-    #[inline(always)]
-    fn splat(x: u32) -> Pair<T> {
-        Pair(T::splat(x), T::splat(x))
-    }
-    #[inline(always)]
-    fn shr<const BITS: u32>(self) -> Pair<T> {
-        Pair(self.0.shr::<BITS>(), self.1.shr::<BITS>())
-    }
-    #[inline(always)]
-    fn shl<const BITS: u32>(self) -> Pair<T> {
-        Pair(self.0.shl::<BITS>(), self.1.shl::<BITS>())
-    }
-    #[inline(always)]
-    fn map_lanes(self, f: impl Fn(u32) -> u32) -> Pair<T> {
-        Pair(self.0.map_lanes(&f), self.1.map_lanes(&f))
+    inlined! {
+        splat(x: u32) -> Pair<T> = Pair(T::splat(x), T::splat(x));
+        shr<const BITS: u32>(self) -> Pair<T> = Pair(self.0.shr::<BITS>(), self.1.shr::<BITS>());
+        shl<const BITS: u32>(self) -> Pair<T> = Pair(self.0.shl::<BITS>(), self.1.shl::<BITS>());
+        map_lanes(self, f: impl Fn(u32) -> u32) -> Pair<T> =
+            Pair(self.0.map_lanes(&f), self.1.map_lanes(&f));
     }
 }
 

@@ -413,10 +413,9 @@ mod tests {
         }
         for (rotation_deg, scale) in [(f32::NAN, 1.0), (0.0, -1.0), (0.0, f32::INFINITY)] {
             let e = EnvironmentDesc {
-                source: EnvironmentSource::Color(Vec3::ONE),
                 rotation_deg,
                 scale,
-                sampling: Default::default(),
+                ..EnvironmentDesc::new(EnvironmentSource::Color(Vec3::ONE))
             };
             assert!(compile(&scene(vec![], Some(e)), &mut Vec::new()).is_err());
         }
@@ -426,10 +425,9 @@ mod tests {
     fn a_black_environment_is_noted_and_left_out_and_invalid_texels_are_black() {
         let env = |source, scale| {
             Some(EnvironmentDesc {
-                source,
                 rotation_deg: 370.0,
                 scale,
-                sampling: Default::default(),
+                ..EnvironmentDesc::new(source)
             })
         };
         let black = [

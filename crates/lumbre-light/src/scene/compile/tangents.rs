@@ -98,44 +98,20 @@ impl Geometry for Mesh<'_> {
 
 #[cfg(test)]
 mod tests {
-    use std::path::PathBuf;
-    use std::sync::Arc;
-
     use glam::{Vec2, Vec3, Vec4};
 
     use crate::scene::compile;
-    use crate::scene::desc::{
-        CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, mesh_hash,
-    };
+    use crate::scene::desc::{MaterialDesc, SceneDesc};
+    use crate::scene::fixtures::{self, mesh};
 
     fn scene(uvs: Vec<Vec2>, anisotropic: f32) -> SceneDesc {
-        let mut mesh = MeshDesc {
-            file: PathBuf::from("quad.obj"),
-            positions: vec![Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y],
-            uvs,
-            triangles: vec![[0, 1, 2], [0, 2, 3]],
-            slots: vec!["m".to_owned()],
-            triangle_slot: vec![0, 0],
-            ..MeshDesc::default()
+        let corners = [Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y];
+        let quad = mesh(&corners, &uvs, &[[0, 1, 2], [0, 2, 3]]);
+        let material = MaterialDesc {
+            anisotropic,
+            ..MaterialDesc::new("m")
         };
-        mesh.content_hash = mesh_hash(&mesh);
-        SceneDesc {
-            resolution: [4, 4],
-            max_depth: 2,
-            camera: CameraDesc {
-                position: Vec3::Z,
-                target: Vec3::ZERO,
-                optics: Optics::pinhole(40.0),
-                ..CameraDesc::default()
-            },
-            materials: vec![MaterialDesc {
-                anisotropic,
-                ..MaterialDesc::new("m")
-            }]
-            .into(),
-            entities: vec![EntityDesc::new("quad", ShapeDesc::Mesh(Arc::new(mesh)))].into(),
-            ..SceneDesc::default()
-        }
+        fixtures::scene(&[(quad, Vec3::ZERO)], material)
     }
 
     #[test]

@@ -201,6 +201,16 @@ impl Default for CameraDesc {
 }
 
 impl CameraDesc {
+    /// Returns a pinhole camera with +y up; the vertical field of view is in degrees.
+    pub fn pinhole(position: Vec3, target: Vec3, fov_deg: f32) -> CameraDesc {
+        CameraDesc {
+            position,
+            target,
+            optics: Optics::pinhole(fov_deg),
+            ..CameraDesc::default()
+        }
+    }
+
     /// Returns the vertical field of view in degrees: `2 atan(h / 2f)` if a sensor height `h` and a
     /// focal length `f` are set, else the angle that is set.
     pub fn view_deg(&self) -> f32 {

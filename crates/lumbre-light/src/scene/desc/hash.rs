@@ -279,9 +279,7 @@ fn vec3(h: &mut Hasher, v: Vec3) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::desc::{
-        CAMERA_KINDS, CameraDesc, EnvironmentDesc, LightDesc, LightKind, Transform,
-    };
+    use crate::scene::desc::{CAMERA_KINDS, CameraDesc, EnvironmentDesc, LightDesc, LightKind};
     use std::path::PathBuf;
     use std::sync::Arc;
 
@@ -289,30 +287,17 @@ mod tests {
         let mut m = MeshDesc {
             file: PathBuf::from("a.obj"),
             positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
-            normals: vec![],
-            uvs: vec![],
-            colors: vec![],
-            second_uvs: vec![],
-            tangents: Vec::new(),
             triangles: vec![[0, 1, 2]],
             slots: vec!["m".to_owned()],
             triangle_slot: vec![0],
-            content_hash: [0; 32],
+            ..MeshDesc::default()
         };
         m.content_hash = mesh_hash(&m);
         m
     }
 
     fn scene() -> SceneDesc {
-        let entity = |name: &str, shape| EntityDesc {
-            name: name.to_owned(),
-            transform: Transform::default(),
-            material: None,
-            anisotropic_direction: None,
-            shape,
-        };
         SceneDesc {
-            views: Vec::new(),
             resolution: [4, 4],
             max_depth: 3,
             camera: CameraDesc {
@@ -322,12 +307,11 @@ mod tests {
             },
             materials: vec![MaterialDesc::new("m"), MaterialDesc::new("n")].into(),
             entities: vec![
-                entity("a", ShapeDesc::Mesh(Arc::new(mesh()))),
-                entity("s", ShapeDesc::Sphere { radius: 1.0 }),
+                EntityDesc::new("a", ShapeDesc::Mesh(Arc::new(mesh()))),
+                EntityDesc::new("s", ShapeDesc::Sphere { radius: 1.0 }),
             ]
             .into(),
-            lights: vec![],
-            environment: None,
+            ..SceneDesc::default()
         }
     }
 
@@ -371,12 +355,7 @@ mod tests {
                 })
                 .to_vec();
             let source = EnvironmentSource::Color(Vec3::ONE);
-            s.environment = Some(EnvironmentDesc {
-                source,
-                rotation_deg: 0.0,
-                scale: 1.0,
-                sampling: Default::default(),
-            });
+            s.environment = Some(EnvironmentDesc::new(source));
             s
         };
         let changes: [fn(&mut SceneDesc); 9] = [

@@ -126,6 +126,18 @@ pub struct EnvironmentDesc {
     pub sampling: EnvironmentSampling,
 }
 
+impl EnvironmentDesc {
+    /// Creates an environment that is neither turned nor scaled.
+    pub fn new(source: EnvironmentSource) -> EnvironmentDesc {
+        EnvironmentDesc {
+            source,
+            rotation_deg: 0.0,
+            scale: 1.0,
+            sampling: EnvironmentSampling::default(),
+        }
+    }
+}
+
 crate::named! {
     /// Distribution with which directions towards an environment map are sampled.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

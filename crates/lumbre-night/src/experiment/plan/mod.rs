@@ -206,7 +206,7 @@ impl PlannedCommand {
 }
 
 /// Plan of a night.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Plan {
     /// Name of the experiment.
     pub name: String,

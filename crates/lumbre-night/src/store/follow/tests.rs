@@ -19,7 +19,7 @@ use crate::store::schema::journal::{
 };
 use crate::store::schema::one_line;
 use crate::store::schema::run::{BiasCheckFile, DoneFile, RunResults};
-use crate::store::tests::{decode, finish_run, only_run_of, plan, results, row};
+use crate::store::tests::{decode, finish_run, only_run_of, opened, plan, results, row};
 use crate::store::{FILMS, LEASE, PlanSnapshot, RunWriter, Store, StoredFile, WorkerInfo};
 use lumbre_light::film::time::TimeAxis;
 use lumbre_render::{Device, OpenStats};
@@ -143,9 +143,7 @@ fn end_line(store: &Store, plan: &Plan, i: usize) {
 
 #[test]
 fn a_night_is_followed_while_it_renders() {
-    let dir = tempfile::tempdir().unwrap();
-    let plan = plan("night", "3f9a00", &["aa11", "bb22"]);
-    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    let (dir, plan, store) = opened(&["aa11", "bb22"]);
     store.journal(night_start()).unwrap();
     finish_run(&store, &plan, 0);
     start_line(&store, &plan, 0);
@@ -687,9 +685,7 @@ proptest! {
     fn a_night_that_is_read_from_its_files_is_the_one_that_renders(
         steps in proptest::collection::vec(any_step(), 0..24),
     ) {
-        let dir = tempfile::tempdir().unwrap();
-        let plan = plan("night", "3f9a00", &["aa11", "bb22", "cc33"]);
-        let store = Store::open(dir.path(), &plan, decode).unwrap();
+        let (_dir, plan, store) = opened(&["aa11", "bb22", "cc33"]);
         let mut live = LiveNight {
             plan: &plan,
             store: &store,

@@ -125,9 +125,7 @@ fn cells_that_are_one_run_have_one_claim_and_one_folder() {
 
 #[test]
 fn leftovers_beside_the_last_file_are_removed() {
-    let dir = tempfile::tempdir().unwrap();
-    let plan = plan("night", "3f9a00", &["aa11"]);
-    let store = Store::open(dir.path(), &plan, decode).unwrap();
+    let (dir, plan, store) = opened(&["aa11"]);
     finish_run(&store, &plan, 0);
     let reference = store.start(&plan, CellRef::Reference(0), None).unwrap();
     reference.write("ref.exr", b"I\x05").unwrap();

@@ -19,16 +19,18 @@ pub const LANES: usize = 8;
 #[repr(C, align(32))]
 pub struct LaneArray(pub [f32; LANES]);
 
-/// Instruction set that the traversal loop is compiled for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Isa {
-    /// Vectors of 128 bits, which every processor of the build target has.
-    Portable,
-    /// Vectors of 256 bits.
-    Avx2,
-    /// Vectors of 256 bits for a single ray, as with AVX2, and of 512 bits in the vectorised path
-    /// tracer.
-    Avx512,
+lumbre_light::named! {
+    /// Instruction set that the traversal loop is compiled for.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Isa {
+        /// Vectors of 128 bits, which every processor of the build target has.
+        Portable = "portable",
+        /// Vectors of 256 bits.
+        Avx2 = "avx2",
+        /// Vectors of 256 bits for a single ray, as with AVX2, and of 512 bits in the vectorised
+        /// path tracer.
+        Avx512 = "avx512",
+    }
 }
 
 /// Environment variable that selects an instruction set by [`Isa::name`], for comparisons of speed,
@@ -63,15 +65,6 @@ impl Isa {
         match self {
             Isa::Portable | Isa::Avx2 => 5 * LANES,
             Isa::Avx512 => 8 * LANES,
-        }
-    }
-
-    /// Returns the name, as used in [`ISA_VARIABLE`].
-    pub fn name(self) -> &'static str {
-        match self {
-            Isa::Portable => "portable",
-            Isa::Avx2 => "avx2",
-            Isa::Avx512 => "avx512",
         }
     }
 }
@@ -147,49 +140,19 @@ impl Simd8 for Portable {
         let ([a, b, c, d], [e, f, g, h]) = (self.0[0].to_array(), self.0[1].to_array());
         LaneArray([a, b, c, d, e, f, g, h])
     }
-    #[inline(always)]
-    fn splat(x: f32) -> Portable {
-        Portable([Vec4::splat(x); 2])
-    }
-    #[inline(always)]
-    fn add(self, other: Portable) -> Portable {
-        self.zip_halves(other, |a, b| a + b)
-    }
-    #[inline(always)]
-    fn sub(self, other: Portable) -> Portable {
-        self.zip_halves(other, |a, b| a - b)
-    }
-    #[inline(always)]
-    fn mul(self, other: Portable) -> Portable {
-        self.zip_halves(other, |a, b| a * b)
-    }
-    #[inline(always)]
-    fn mul_add(self, factor: Portable, offset: Portable) -> Portable {
-        self.mul(factor).add(offset)
-    }
-    #[inline(always)]
-    fn div(self, other: Portable) -> Portable {
-        self.zip_halves(other, |a, b| a / b)
-    }
-    #[inline(always)]
-    fn min(self, other: Portable) -> Portable {
-        self.zip_halves(other, Vec4::min)
-    }
-    #[inline(always)]
-    fn max(self, other: Portable) -> Portable {
-        self.zip_halves(other, Vec4::max)
-    }
-    #[inline(always)]
-    fn lt(self, other: Portable) -> u32 {
-        self.compare_halves(other, Vec4::cmplt)
-    }
-    #[inline(always)]
-    fn le(self, other: Portable) -> u32 {
-        self.compare_halves(other, Vec4::cmple)
-    }
-    #[inline(always)]
-    fn eq(self, other: Portable) -> u32 {
-        self.compare_halves(other, Vec4::cmpeq)
+    lumbre_light::inlined! {
+        splat(x: f32) -> Portable = Portable([Vec4::splat(x); 2]);
+        add(self, other: Portable) -> Portable = self.zip_halves(other, |a, b| a + b);
+        sub(self, other: Portable) -> Portable = self.zip_halves(other, |a, b| a - b);
+        mul(self, other: Portable) -> Portable = self.zip_halves(other, |a, b| a * b);
+        mul_add(self, factor: Portable, offset: Portable) -> Portable =
+            self.mul(factor).add(offset);
+        div(self, other: Portable) -> Portable = self.zip_halves(other, |a, b| a / b);
+        min(self, other: Portable) -> Portable = self.zip_halves(other, Vec4::min);
+        max(self, other: Portable) -> Portable = self.zip_halves(other, Vec4::max);
+        lt(self, other: Portable) -> u32 = self.compare_halves(other, Vec4::cmplt);
+        le(self, other: Portable) -> u32 = self.compare_halves(other, Vec4::cmple);
+        eq(self, other: Portable) -> u32 = self.compare_halves(other, Vec4::cmpeq);
     }
 }
 

@@ -302,12 +302,7 @@ pub fn room(eye: Vec3) -> SceneBuilder {
         ..WHITE
     };
     SceneBuilder::new(eye, Vec3::new(0.0, 0.7, 0.0), 50.0)
-        .quad(
-            Vec3::new(-2.0, 0.0, 2.0),
-            Vec3::X * 4.0,
-            Vec3::Z * -4.0,
-            grey(0.7),
-        )
+        .floor(2.0, 0.0, grey(0.7))
         .quad(
             Vec3::new(-2.0, 0.0, -1.5),
             Vec3::X * 4.0,
@@ -337,39 +332,17 @@ fn every_unweighted_strategy_finds_all_light_of_its_depth() {
         base_color: Vec3::new(0.8, 0.3, 0.2),
         ..WHITE
     };
-    let panel = |stage: SceneBuilder, corner: Vec3, a: Vec3, b: Vec3, m: Material| {
-        stage.quad(corner * 0.8 + a.cross(b) * -1.0, a * 1.6, b * 1.6, m)
-    };
     let mut stage = SceneBuilder::new(Vec3::new(0.1, 0.2, 3.6), Vec3::ZERO, 40.0);
-    stage = panel(
-        stage,
-        Vec3::new(-1.0, 0.0, 1.0),
-        Vec3::X,
-        Vec3::NEG_Z,
-        grey(0.8),
-    );
-    stage = panel(
-        stage,
-        Vec3::new(-1.0, 0.0, -1.0),
-        Vec3::X,
-        Vec3::Z,
-        grey(0.9),
-    );
-    stage = panel(stage, Vec3::new(-1.0, -1.0, 0.0), Vec3::X, Vec3::Y, red);
-    stage = panel(
-        stage,
-        Vec3::new(0.0, -1.0, 1.0),
-        Vec3::NEG_Z,
-        Vec3::Y,
-        grey(0.8),
-    );
-    stage = panel(
-        stage,
-        Vec3::new(0.0, -1.0, -1.0),
-        Vec3::Z,
-        Vec3::Y,
-        grey(0.9),
-    );
+    for (corner, a, b, material) in [
+        ([-1.0, 0.0, 1.0], Vec3::X, Vec3::NEG_Z, grey(0.8)),
+        ([-1.0, 0.0, -1.0], Vec3::X, Vec3::Z, grey(0.9)),
+        ([-1.0, -1.0, 0.0], Vec3::X, Vec3::Y, red),
+        ([0.0, -1.0, 1.0], Vec3::NEG_Z, Vec3::Y, grey(0.8)),
+        ([0.0, -1.0, -1.0], Vec3::Z, Vec3::Y, grey(0.9)),
+    ] {
+        let corner = Vec3::from(corner) * 0.8 + a.cross(b) * -1.0;
+        stage = stage.quad(corner, a * 1.6, b * 1.6, material);
+    }
     let scene = stage
         .quad(
             Vec3::new(-0.4, 0.65, -0.4),

@@ -76,12 +76,8 @@ fn integrators_agree_on_textured_emitters_with_a_mask() {
 
 #[test]
 fn integrators_agree_on_many_lights() {
-    let mut builder = SceneBuilder::new(EYE, Vec3::new(0.0, 0.7, 0.0), 50.0).quad(
-        Vec3::new(-2.0, 0.0, 2.0),
-        Vec3::X * 4.0,
-        Vec3::Z * -4.0,
-        grey(0.7),
-    );
+    let mut builder =
+        SceneBuilder::new(EYE, Vec3::new(0.0, 0.7, 0.0), 50.0).floor(2.0, 0.0, grey(0.7));
     for i in 0..400u32 {
         let (x, z) = (i % 20, i / 20);
         let at = Vec3::new(
@@ -111,12 +107,7 @@ fn integrators_agree_on_an_environment_with_a_sun() {
         ..WHITE
     };
     let scene = SceneBuilder::new(EYE, Vec3::new(0.0, 0.7, 0.0), 50.0)
-        .quad(
-            Vec3::new(-2.0, 0.0, 2.0),
-            Vec3::X * 4.0,
-            Vec3::Z * -4.0,
-            grey(0.7),
-        )
+        .floor(2.0, 0.0, grey(0.7))
         .quad(
             Vec3::new(-2.0, 0.0, -1.5),
             Vec3::X * 4.0,
@@ -139,12 +130,7 @@ fn integrators_agree_on_a_constant_environment_through_glass() {
         ..WHITE
     };
     let scene = SceneBuilder::new(EYE, Vec3::new(0.0, 0.5, 0.0), 50.0)
-        .quad(
-            Vec3::new(-2.0, 0.0, 2.0),
-            Vec3::X * 4.0,
-            Vec3::Z * -4.0,
-            grey(0.7),
-        )
+        .floor(2.0, 0.0, grey(0.7))
         .sphere(Vec3::new(-0.3, 0.6, 0.2), 0.55, glass)
         .environment(None, Vec3::new(0.5, 0.7, 1.0), 0.0)
         .build();
@@ -154,12 +140,8 @@ fn integrators_agree_on_a_constant_environment_through_glass() {
 /// Returns the radiance of the origin on a floor of albedo 0.6, and its standard error. The field
 /// of view is 0.05 degrees.
 fn floor(lit: impl FnOnce(SceneBuilder) -> SceneBuilder, params: &[(&str, Value)]) -> (f64, f64) {
-    let floor = SceneBuilder::new(Vec3::new(1.0, 2.0, 3.0), Vec3::ZERO, 0.05).quad(
-        Vec3::new(-5.0, 0.0, 5.0),
-        Vec3::X * 10.0,
-        Vec3::Z * -10.0,
-        grey(0.6),
-    );
+    let floor =
+        SceneBuilder::new(Vec3::new(1.0, 2.0, 3.0), Vec3::ZERO, 0.05).floor(5.0, 0.0, grey(0.6));
     let mut j = job([4, 4], 3, 9);
     (j.integrator, j.settings.params) = (integrator("nee").unwrap(), self::params(params));
     mean_and_error(&render(&lit(floor).build(), j, 4000), 1)
@@ -254,12 +236,7 @@ fn the_caustic_of_a_point_light_equals_that_of_a_small_sphere() {
     let (place, radius, intensity) = (Vec3::new(0.2, 2.5, 0.0), 0.04f32, 3.0);
     let below = |lit: fn(SceneBuilder, Vec3, f32, f32) -> SceneBuilder| {
         let floor = SceneBuilder::new(Vec3::new(1.5, 0.5, 1.5), Vec3::ZERO, 15.0)
-            .quad(
-                Vec3::new(-3.0, 0.0, 3.0),
-                Vec3::X * 6.0,
-                Vec3::Z * -6.0,
-                grey(0.6),
-            )
+            .floor(3.0, 0.0, grey(0.6))
             .sphere(Vec3::Y, 0.3, glass);
         let mut j = job([12, 12], 5, 4);
         j.integrator = integrator("bdpt").unwrap();

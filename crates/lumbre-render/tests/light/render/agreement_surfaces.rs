@@ -44,8 +44,8 @@ fn room_with_floor(builder: SceneBuilder, floor: Material) -> Arc<CompiledScene>
     Arc::new(scene)
 }
 
-#[test]
-fn integrators_agree_on_a_normal_mapped_floor() {
+/// Compares the integrators in the room with a floor that uses a map of bumps, given its index.
+fn agree_on_a_mapped_floor(with_map: impl Fn(u32) -> Material) {
     for model in [Model::Lambert, Model::Disney] {
         let mut builder = room(EYE).sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0));
         let map = builder.texture(bumps());
@@ -54,35 +54,30 @@ fn integrators_agree_on_a_normal_mapped_floor() {
             offset: Vec2::new(0.1, 0.2),
         };
         let floor = Material {
-            normal_texture: map,
             tiling,
             model,
             roughness: 0.4,
-            ..grey(0.7)
+            ..with_map(map)
         };
         agree_with_bpt(&room_with_floor(builder, floor), 5, None, 600);
     }
 }
 
 #[test]
+fn integrators_agree_on_a_normal_mapped_floor() {
+    agree_on_a_mapped_floor(|map| Material {
+        normal_texture: map,
+        ..grey(0.7)
+    });
+}
+
+#[test]
 fn integrators_agree_on_a_bump_mapped_floor() {
-    for model in [Model::Lambert, Model::Disney] {
-        let mut builder = room(EYE).sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0));
-        let map = builder.texture(bumps());
-        let tiling = UvMap {
-            scale: 5.0,
-            offset: Vec2::new(0.1, 0.2),
-        };
-        let floor = Material {
-            bump_texture: map,
-            bump_height: 0.3,
-            tiling,
-            model,
-            roughness: 0.4,
-            ..grey(0.7)
-        };
-        agree_with_bpt(&room_with_floor(builder, floor), 5, None, 600);
-    }
+    agree_on_a_mapped_floor(|map| Material {
+        bump_texture: map,
+        bump_height: 0.3,
+        ..grey(0.7)
+    });
 }
 
 /// Returns a leaf of four by four texels from transparent to opaque.

@@ -28,12 +28,7 @@ fn scene(material: Option<Material>) -> Arc<CompiledScene> {
             Vec3::Z * -6.0,
             grey(0.3),
         )
-        .quad(
-            Vec3::new(-1.5, 2.5, -1.5),
-            Vec3::X * 3.0,
-            Vec3::Z * 3.0,
-            light(2.0),
-        );
+        .ceiling(1.5, 2.5, light(2.0));
     match material {
         Some(m) => scene.sphere(Vec3::new(0.0, 0.6, 0.0), 0.5, m),
         None => scene,

@@ -4,13 +4,11 @@ use std::sync::Arc;
 
 use glam::Vec3;
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::transport::integrator::integrator;
-use lumbre_render::Job;
 use lumbre_render::cpu::bvh::accel::Accel;
 use lumbre_render::cpu::bvh::simd::Isa;
 use lumbre_render::hierarchy::{AccelSpec, Builder, Quality};
 
-use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
+use crate::common::{SceneBuilder, WHITE, grey, light, named_job, render};
 use crate::render::instructions::{rays, stack};
 use crate::render::intersection::{numbers, point, soup};
 
@@ -174,11 +172,7 @@ fn pictures_have_the_same_bits_with_every_builder() {
         })
         .build();
     let with = |spec: AccelSpec| {
-        let bdpt = Job {
-            integrator: integrator("bdpt").unwrap(),
-            ..job([24, 24], 4, 5)
-        }
-        .with(|settings| settings.accel = spec);
+        let bdpt = named_job("bdpt", [24, 24], 4, 5).with(|settings| settings.accel = spec);
         render(&scene, bdpt, 2)
     };
     let expected = with(AccelSpec::default());

@@ -61,6 +61,25 @@ pub(super) fn estimate(sum: f64, sum2: f64, n: f64) -> (f64, f64) {
     (sum / n, (sum2 - sum * sum / n) / (n - 1.0) / n)
 }
 
+/// Returns the mean of `n` values, given their indices, and the variance of the mean.
+pub(super) fn moments(n: u32, value: impl Fn(u32) -> f64) -> (f64, f64) {
+    let (mut sum, mut sum2) = (0.0f64, 0.0f64);
+    for value in (0..n).map(value) {
+        sum += value;
+        sum2 += value * value;
+    }
+    estimate(sum, sum2, f64::from(n))
+}
+
+/// Returns the mean of 1 / `pdf_w` over `n` camera rays of a film, and the variance of the mean.
+pub(super) fn mean_inverse_density(camera: &Camera, size: [u32; 2], n: u32) -> (f64, f64) {
+    moments(n, |i| {
+        let pixel = [i % size[0], i / size[0] % size[1]];
+        let ray = camera.sample_ray(pixel, &mut Sampler::new(6, pixel, u64::from(i)));
+        f64::from(1.0 / camera.pdf_w(ray.dir))
+    })
+}
+
 /// Light that light paths brought to the pixels of a film: sums of values and of their squares.
 pub(super) struct Splats {
     size: [u32; 2],
@@ -165,21 +184,16 @@ fn the_density_of_directions_integrates_to_one_over_the_film() {
     // Directions from the pinhole are uniform over the sphere. Those that hit the film have the
     // density of camera rays, the others have density zero.
     let camera = camera(0.0, FilterSpec::PIXEL);
-    let n = 400_000u32;
-    let (mut sum, mut sum2) = (0.0f64, 0.0f64);
-    for i in 0..n {
+    let (mean, variance) = moments(400_000, |i| {
         let [a, b, c, d] = uniform(i, 3);
         let dir = lumbre_light::math::warp::uniform_sphere([a, b]);
         let point = Vec3::new(0.7, -1.0, 2.5) + dir * 3.0;
-        let value = camera.connect(point, [0.5; 2], [c, d]).map_or(0.0, |to| {
+        camera.connect(point, [0.5; 2], [c, d]).map_or(0.0, |to| {
             assert!((to.importance * 9.0 / to.pdf_w - 1.0).abs() < 1e-4);
             assert!((camera.pdf_w(dir) / to.pdf_w - 1.0).abs() < 1e-4);
             f64::from(to.pdf_w) * 4.0 * std::f64::consts::PI
-        });
-        sum += value;
-        sum2 += value * value;
-    }
-    let (mean, variance) = estimate(sum, sum2, f64::from(n));
+        })
+    });
     assert!(
         variance.sqrt() < 0.01 && normal_two_sided_p((mean - 1.0) / variance.sqrt()) > 0.001,
         "{mean}"
@@ -195,16 +209,7 @@ fn camera_rays_have_the_density_pdf_w() {
     let x = y * 1.5;
     for aperture in [0.0, 0.5] {
         let camera = camera(aperture, FilterSpec::PIXEL);
-        let (mut sum, mut sum2) = (0.0f64, 0.0f64);
-        let n = 4000u32;
-        for i in 0..n * SIZE[0] * SIZE[1] {
-            let pixel = [i % SIZE[0], i / SIZE[0] % SIZE[1]];
-            let ray = camera.sample_ray(pixel, &mut Sampler::new(6, pixel, u64::from(i)));
-            let value = f64::from(1.0 / camera.pdf_w(ray.dir));
-            sum += value;
-            sum2 += value * value;
-        }
-        let (mean, variance) = estimate(sum, sum2, f64::from(n * SIZE[0] * SIZE[1]));
+        let (mean, variance) = mean_inverse_density(&camera, SIZE, 4000 * SIZE[0] * SIZE[1]);
         // From the rim of the lens, the part of the focal plane that the film covers has another
         // direction and another solid angle than from the middle of the lens.
         let expected = if aperture == 0.0 {

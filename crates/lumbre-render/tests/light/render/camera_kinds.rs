@@ -12,7 +12,6 @@ use lumbre_light::scene::desc::{CameraDesc, CameraKind};
 use lumbre_light::transport::camera::{Camera, FilterKind, FilterSpec};
 use lumbre_light::transport::integrator::INTEGRATORS;
 use lumbre_light::transport::ray::Ray;
-use lumbre_light::transport::sampler::Sampler;
 use lumbre_light::value::Value;
 use lumbre_render::{Job, Renderer};
 
@@ -20,7 +19,7 @@ use crate::common::{
     SceneBuilder, WHITE, grey, job, light, render, render_waves, timed_job, timing,
 };
 use crate::render::agreement::{agree_with_bpt, params, room};
-use crate::render::camera::{Splats, estimate, uniform};
+use crate::render::camera::{Splats, mean_inverse_density, moments, uniform};
 
 const SIZE: [u32; 2] = [10, 6];
 
@@ -126,32 +125,18 @@ fn what_is_behind_or_beside_an_orthographic_camera_is_not_connected() {
 #[test]
 fn the_density_of_spherical_directions_integrates_to_one() {
     let camera = Camera::new(&desc(CameraKind::Spherical), SIZE, FilterSpec::PIXEL);
-    let n = 400_000u32;
-    let (mut sum, mut sum2) = (0.0f64, 0.0f64);
-    for i in 0..n {
+    let (mean, variance) = moments(400_000, |i| {
         let [a, b, ..] = uniform(i, 3);
         let dir: Vec3 = uniform_sphere([a, b]);
-        let value = f64::from(camera.pdf_w(dir)) * 4.0 * std::f64::consts::PI;
-        sum += value;
-        sum2 += value * value;
-    }
-    let (mean, variance) = estimate(sum, sum2, f64::from(n));
+        f64::from(camera.pdf_w(dir)) * 4.0 * std::f64::consts::PI
+    });
     // The density is infinite at the poles, and so is its variance: the logarithm of it converges.
     assert!(
         (mean - 1.0).abs() < 0.01 && variance.sqrt() < 0.01,
         "{mean} {variance}"
     );
     // The mean of its inverse over camera rays is the solid angle of everything.
-    let (mut sum, mut sum2) = (0.0f64, 0.0f64);
-    let n = 4000 * SIZE[0] * SIZE[1];
-    for i in 0..n {
-        let pixel = [i % SIZE[0], i / SIZE[0] % SIZE[1]];
-        let ray = camera.sample_ray(pixel, &mut Sampler::new(6, pixel, u64::from(i)));
-        let value = f64::from(1.0 / camera.pdf_w(ray.dir));
-        sum += value;
-        sum2 += value * value;
-    }
-    let (mean, variance) = estimate(sum, sum2, f64::from(n));
+    let (mean, variance) = mean_inverse_density(&camera, SIZE, 4000 * SIZE[0] * SIZE[1]);
     let p = normal_two_sided_p((mean - 4.0 * std::f64::consts::PI) / variance.sqrt());
     assert!(p > 0.001, "{mean}");
 }

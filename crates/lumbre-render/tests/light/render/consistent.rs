@@ -14,7 +14,7 @@ use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL, SamplerRow};
 use lumbre_light::value::Value;
 use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 
-use crate::common::{SceneBuilder, WHITE, grey, job, light, render, timing};
+use crate::common::{SceneBuilder, WHITE, grey, job, light, named_job, render, timing};
 use crate::render::agreement::Technique;
 use crate::render::consistent_fixtures::{
     GLASS, SIDE, SIGNIFICANCE, SMALL, agree_with, assert_close, boxed, column, constant_job, label,
@@ -81,12 +81,9 @@ fn they_agree_on_masks_with_values_between_0_and_1() {
     let scene = scene
         .quad(corner, Vec3::X * 3.0, Vec3::Z * -3.0, sheet)
         .sphere(Vec3::new(0.9, 0.8, 0.2), 0.4, ball)
-        .quad(Vec3::new(-0.5, 2.0, -0.5), Vec3::X, Vec3::Z, light(8.0))
+        .ceiling(0.5, 2.0, light(8.0))
         .build();
-    let truth_job = Job {
-        integrator: integrator("nee").unwrap(),
-        ..job([SIDE; 2], 4, 99)
-    };
+    let truth_job = named_job("nee", [SIDE; 2], 4, 99);
     let truth = spread(&scene, &truth_job, 12, 96);
     let least = 0.25 * mean_and_error(&column(&truth, 0)).0;
     for technique in techniques() {

@@ -7,11 +7,9 @@ use glam::Vec3;
 use lumbre_light::math::stats::sidak;
 use lumbre_light::math::t_test::{two_sided_p, welch_p};
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::transport::integrator::integrator;
 use lumbre_light::value::Value;
-use lumbre_render::Job;
 
-use crate::common::{SceneBuilder, grey, job, light, render};
+use crate::common::{SceneBuilder, grey, light, named_job, render};
 use crate::render::agreement::{Technique, params};
 use crate::render::consistent_fixtures::{
     SIGNIFICANCE, column, constant_job, label, mean_and_error, merging_alone, spread,
@@ -27,12 +25,7 @@ const LIGHT: f64 = 0.05;
 fn lamp_over_floor() -> Arc<CompiledScene> {
     SceneBuilder::new(Vec3::Y * 0.3, Vec3::ZERO, 90.0)
         .with(|s| s.camera.up = Vec3::Z)
-        .quad(
-            Vec3::new(-9.0, 0.0, 9.0),
-            Vec3::X * 18.0,
-            Vec3::Z * -18.0,
-            grey(0.5),
-        )
+        .floor(9.0, 0.0, grey(0.5))
         .point(Vec3::Y * HEIGHT as f32, Vec3::splat(2.0 * LIGHT as f32))
         .build()
 }
@@ -159,11 +152,8 @@ fn the_automatic_radius_is_three_pixels() {
     // of lit pixels therefore measures the diameter.
     let mut widest = 0.0f64;
     for seed in 0..400 {
-        let job = Job {
-            integrator: integrator("sppm").unwrap(),
-            ..job([16; 2], 2, seed)
-        }
-        .with(|settings| settings.params = params(&[("photons", Value::Int(1))]));
+        let job = named_job("sppm", [16; 2], 2, seed)
+            .with(|settings| settings.params = params(&[("photons", Value::Int(1))]));
         let film = render(&scene, job, 1);
         let direct = 0.4 * 3.0;
         let lit: Vec<[f64; 2]> = (0..256)

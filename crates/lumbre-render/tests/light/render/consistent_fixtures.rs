@@ -12,11 +12,10 @@ use lumbre_light::math::stats::sidak;
 use lumbre_light::math::t_test::two_sided_p;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{Material, Model};
-use lumbre_light::transport::integrator::integrator;
 use lumbre_light::value::Value;
 use lumbre_render::Job;
 
-use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
+use crate::common::{SceneBuilder, WHITE, grey, job, job_with, light, named_job, render};
 use crate::render::agreement::{Technique, technique};
 
 /// Probability that any comparison of one test fails by chance alone.
@@ -43,11 +42,7 @@ pub fn constant_job(
     radius: f64,
     photons: i64,
 ) -> Job {
-    let mut job = Job {
-        integrator: row,
-        ..job([side; 2], depth, 1)
-    }
-    .with(|settings| settings.params = params.clone());
+    let mut job = job_with(row, params.clone(), job([side; 2], depth, 1));
     let constant = [
         ("radius", Value::Num(radius)),
         ("photons", Value::Int(photons)),
@@ -115,10 +110,7 @@ pub fn label((row, params): &Technique) -> String {
 /// Compares `sppm` and `vcm` with a small radius with an unbiased integrator, over the picture and its
 /// quarters: they may differ by 2 % of the light and by noise.
 pub fn agree_with(name: &str, scene: &Arc<CompiledScene>, depth: u32, photons: i64) {
-    let truth_job = Job {
-        integrator: integrator(name).unwrap(),
-        ..job([SIDE; 2], depth, 99)
-    };
+    let truth_job = named_job(name, [SIDE; 2], depth, 99);
     let truth = spread(scene, &truth_job, 12, 96);
     // Dark quarters need not be more precise than a quarter of the mean.
     let least = 0.25 * mean_and_error(&column(&truth, 0)).0;
@@ -171,12 +163,7 @@ pub fn panel(scene: SceneBuilder) -> Arc<CompiledScene> {
 /// An open stage: a floor with a ball above it.
 pub fn stage(ball: Material) -> SceneBuilder {
     SceneBuilder::new(Vec3::new(0.0, 1.0, 2.4), Vec3::new(0.0, 0.5, 0.0), 45.0)
-        .quad(
-            Vec3::new(-1.5, 0.0, 1.5),
-            Vec3::X * 3.0,
-            Vec3::Z * -3.0,
-            grey(0.6),
-        )
+        .floor(1.5, 0.0, grey(0.6))
         .sphere(Vec3::new(0.0, 0.8, 0.0), 0.5, ball)
 }
 

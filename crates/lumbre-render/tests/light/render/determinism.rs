@@ -16,12 +16,7 @@ use crate::common::{
 fn scene() -> Arc<CompiledScene> {
     SceneBuilder::new(Vec3::new(0.0, 0.0, 0.95), Vec3::ZERO, 60.0)
         .room(1.0, grey(0.7))
-        .quad(
-            Vec3::new(-0.3, 0.99, -0.3),
-            Vec3::X * 0.6,
-            Vec3::Z * 0.6,
-            light(10.0),
-        )
+        .ceiling(0.3, 0.99, light(10.0))
         .sphere(
             Vec3::new(0.3, -0.6, 0.0),
             0.4,

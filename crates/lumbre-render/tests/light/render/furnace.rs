@@ -3,9 +3,8 @@
 use glam::Vec3;
 use lumbre_light::scene::compile::Material;
 use lumbre_light::scene::desc::{ConeDesc, ConeEdge};
-use lumbre_render::Job;
 
-use crate::common::{SceneBuilder, WHITE, grey, job, light, mean_and_error, render};
+use crate::common::{SceneBuilder, WHITE, grey, job, job_with, light, mean_and_error, render};
 use crate::render::agreement::technique;
 
 const EYE: Vec3 = Vec3::new(0.1, 0.2, 0.3);
@@ -142,12 +141,7 @@ fn the_radiance_of_a_floor_under_a_sphere_light_has_its_closed_form() {
     // floor is a L (r / h)^2.
     let (r, h, a, l) = (0.5f64, 2.0f64, 0.5f64, 3.0f64);
     let scene = SceneBuilder::new(Vec3::new(0.0, 1.0, 4.0), Vec3::ZERO, 0.2)
-        .quad(
-            Vec3::new(-50.0, 0.0, 50.0),
-            Vec3::X * 100.0,
-            Vec3::Z * -100.0,
-            grey(a as f32),
-        )
+        .floor(50.0, 0.0, grey(a as f32))
         .sphere(Vec3::Y * h as f32, r as f32, light(l as f32))
         .build();
     let film = render(&scene, job([16, 16], 2, 7), 2048);
@@ -227,11 +221,7 @@ fn an_environment_keeps_its_light_beside_others_if_all_lights_are_sampled() {
         for lights in ["one", "all"] {
             let pairs = [("lights", lights.into()), ("select", "uniform".into())];
             let (row, params) = technique(name, &pairs);
-            let job = Job {
-                integrator: row,
-                ..job([8, 8], 2, 7)
-            }
-            .with(|settings| settings.params = params);
+            let job = job_with(row, params, job([8, 8], 2, 7));
             let (mean, error) = mean_and_error(&render(&scene, job, 256), 1);
             assert!(error < 0.01, "{name}, {lights}: {error}");
             let off = (mean - 0.5).abs();

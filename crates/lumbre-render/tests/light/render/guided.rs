@@ -17,7 +17,7 @@ use lumbre_render::cpu::guiding_tree::{COLUMNS, GuidingTree, ROWS};
 use lumbre_render::hierarchy::LaneMode;
 use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 
-use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
+use crate::common::{SceneBuilder, WHITE, grey, job, job_with, light, render};
 use crate::render::agreement::{Technique, technique};
 use crate::render::consistent::{assert_same_bits, assert_splits};
 
@@ -71,11 +71,7 @@ fn variance(film: &Film) -> f64 {
 
 /// Returns a job of a technique.
 fn job_of((row, params): &Technique, side: u32, depth: u32) -> Job {
-    Job {
-        integrator: row,
-        ..job([side; 2], depth, 5)
-    }
-    .with(|settings| settings.params = params.clone())
+    job_with(row, params.clone(), job([side; 2], depth, 5))
 }
 
 #[test]

@@ -9,10 +9,9 @@ use lumbre_light::math::warp::uniform_sphere;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{NONE, Sharing, compile_sharing};
 use lumbre_light::scene::desc::{
-    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, Optics,
-    SceneDesc, ShapeDesc, TextureDesc, TextureSlot, Transform, mesh_hash,
+    CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, SceneDesc,
+    ShapeDesc, TextureDesc, TextureSlot, Transform, mesh_hash,
 };
-use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::ray::{Hit, Ray};
 use lumbre_light::transport::surface::Surface;
 use lumbre_render::Job;
@@ -20,7 +19,7 @@ use lumbre_render::cpu::bvh::accel::Accel;
 use lumbre_render::cpu::bvh::simd::Isa;
 use lumbre_render::hierarchy::{AccelSpec, Builder};
 
-use crate::common::{job, render};
+use crate::common::{named_job, render};
 use crate::render::intersection::{numbers, point};
 
 fn mesh(
@@ -112,14 +111,7 @@ pub fn desc(materials: Vec<MaterialDesc>, entities: Vec<EntityDesc>) -> SceneDes
     SceneDesc {
         resolution: [32, 24],
         max_depth: 4,
-        camera: CameraDesc {
-            position: Vec3::new(0.0, 1.0, 9.0),
-            target: Vec3::ZERO,
-            up: Vec3::Y,
-            optics: Optics::pinhole(45.0),
-            focus_distance: None,
-            ..CameraDesc::default()
-        },
+        camera: CameraDesc::pinhole(Vec3::new(0.0, 1.0, 9.0), Vec3::ZERO, 45.0),
         materials: materials.into(),
         entities: entities.into(),
         ..SceneDesc::default()
@@ -385,10 +377,7 @@ fn rays_that_leave_an_instance_do_not_hit_the_surface_that_they_left() {
 }
 
 fn scene_job(name: &str, scene: &CompiledScene, seed: u64) -> Job {
-    Job {
-        integrator: integrator(name).unwrap(),
-        ..job(scene.resolution, 4, seed)
-    }
+    named_job(name, scene.resolution, 4, seed)
 }
 
 /// Returns the root mean square difference of two pictures, over the mean of the first.
@@ -407,12 +396,9 @@ fn difference(a: &Film, b: &Film) -> f64 {
 #[test]
 fn pictures_of_instances_equal_those_of_the_flattened_scene() {
     let lit = SceneDesc {
-        environment: Some(EnvironmentDesc {
-            source: EnvironmentSource::Color(Vec3::splat(0.2)),
-            rotation_deg: 0.0,
-            scale: 1.0,
-            sampling: Default::default(),
-        }),
+        environment: Some(EnvironmentDesc::new(EnvironmentSource::Color(Vec3::splat(
+            0.2,
+        )))),
         ..mixed_scene(50, 60)
     };
     let scene = compile_shared(&lit);

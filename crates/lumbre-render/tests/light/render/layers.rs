@@ -9,12 +9,12 @@ use lumbre_light::film::{Film, Image};
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::Material;
 use lumbre_light::transport::contribution::Contribution;
-use lumbre_light::transport::integrator::{Context, SampleFn, integrator};
+use lumbre_light::transport::integrator::{Context, SampleFn};
 use lumbre_light::transport::sampler::Sampler;
 use lumbre_render::cpu::renderer::CpuRenderer;
 use lumbre_render::{Job, RenderError, Renderer};
 
-use crate::common::{SceneBuilder, WHITE, grey, job, light};
+use crate::common::{SceneBuilder, WHITE, grey, job, light, named_job};
 use crate::render::film::{empty_scene, invalid_splats, scatter, test_integrator, test_job};
 
 /// Layers that sum to the film.
@@ -35,11 +35,7 @@ fn render_waves(scene: &Arc<CompiledScene>, job: Job, waves: &[u64]) -> CpuRende
 
 /// Returns a job with layers.
 fn layered_job(name: &str, layers: &[Layer], depth: u32, seed: u64) -> Job {
-    Job {
-        integrator: integrator(name).unwrap(),
-        ..job([12; 2], depth, seed)
-    }
-    .with(|settings| settings.films = layers.to_vec())
+    named_job(name, [12; 2], depth, seed).with(|settings| settings.films = layers.to_vec())
 }
 
 /// Returns every film with its sums.
@@ -100,12 +96,7 @@ fn open_room() -> SceneBuilder {
             Vec3::Y * 2.5,
             red,
         )
-        .quad(
-            Vec3::new(-0.8, 2.4, -0.8),
-            Vec3::X * 1.6,
-            Vec3::Z * 1.6,
-            light(4.0),
-        )
+        .ceiling(0.8, 2.4, light(4.0))
 }
 
 #[test]

@@ -9,9 +9,8 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::desc::{ConeDesc, ConeEdge};
 use lumbre_light::transport::light::{LightSelection, Lights};
 use lumbre_light::value::Value;
-use lumbre_render::Job;
 
-use crate::common::{SceneBuilder, grey, job, light};
+use crate::common::{SceneBuilder, grey, job, job_with, light};
 use crate::render::agreement::{Setting, agree, technique};
 use crate::render::consistent_fixtures::{
     assert_degenerate_scenes_render, column, mean_and_error, spread,
@@ -202,11 +201,7 @@ fn the_tree_has_less_noise_than_power_where_lamps_are_many() {
         .build();
     let variance = |select: &str| {
         let (row, params) = technique("nee", &[("select", select.into())]);
-        let job = Job {
-            integrator: row,
-            ..job([16; 2], 2, 1)
-        }
-        .with(|settings| settings.params = params);
+        let job = job_with(row, params, job([16; 2], 2, 1));
         let (mean, error) = mean_and_error(&column(&spread(&scene, &job, 16, 16), 0));
         (error / mean).powi(2)
     };
@@ -221,11 +216,7 @@ fn scenes_without_light_and_with_one_triangle_render() {
         let dark = [grey(0.5), light(0.0)];
         assert_degenerate_scenes_render(name, (&dark, 3), &[3], |depth| {
             let (row, params) = technique(name, &[("select", "tree".into())]);
-            Job {
-                integrator: row,
-                ..job([8; 2], depth, 1)
-            }
-            .with(|settings| settings.params = params)
+            job_with(row, params, job([8; 2], depth, 1))
         });
     }
 }

@@ -25,12 +25,7 @@ fn scene() -> Arc<CompiledScene> {
         Vec3::new(0.5, 1.0, 0.9),
     ];
     SceneBuilder::new(Vec3::new(0.0, 0.8, 2.5), Vec3::ZERO, 0.5)
-        .quad(
-            Vec3::new(-20.0, 0.0, 20.0),
-            Vec3::X * 40.0,
-            Vec3::Z * -40.0,
-            grey(0.8),
-        )
+        .floor(20.0, 0.0, grey(0.8))
         .triangle(big, [Vec2::ZERO; 3], light(2.0))
         .triangle(small, [Vec2::ZERO; 3], light(9.0))
         .sphere(Vec3::new(-0.9, 0.9, 0.4), 0.25, light(5.0))

@@ -6,12 +6,11 @@ use std::sync::Arc;
 use glam::Vec3;
 use lumbre_light::math::stats::sidak;
 use lumbre_light::math::t_test::welch_p;
-use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL};
 use lumbre_light::value::Value;
 use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 
-use crate::common::{grey, job, light, render, render_waves};
+use crate::common::{grey, job, job_with, light, named_job, render, render_waves};
 use crate::render::agreement::technique;
 use crate::render::consistent_fixtures::{
     GLASS, SIGNIFICANCE, assert_degenerate_scenes_render, boxed, column, mean_and_error, spread,
@@ -28,20 +27,13 @@ fn lvc([connections, candidates, photons]: [i64; 3], side: u32, depth: u32) -> J
             ("photons", Value::Int(photons)),
         ],
     );
-    Job {
-        integrator: row,
-        ..job([side; 2], depth, 1)
-    }
-    .with(|settings| settings.params = params)
+    job_with(row, params, job([side; 2], depth, 1))
 }
 
 #[test]
 fn any_connections_candidates_and_light_subpaths_give_the_mean_of_bdpt() {
     let scene = varied();
-    let bdpt = Job {
-        integrator: integrator("bdpt").unwrap(),
-        ..job([12; 2], 5, 99)
-    };
+    let bdpt = named_job("bdpt", [12; 2], 5, 99);
     let truth = spread(&scene, &bdpt, 24, 96);
     for numbers in [[1, 1, 144], [1, 8, 144], [2, 3, 500], [3, 16, 17]] {
         let found = spread(&scene, &lvc(numbers, 12, 5), 24, 48);

@@ -213,12 +213,7 @@ fn stage() -> SceneBuilder {
         ..WHITE
     };
     let mut stage = SceneBuilder::new(Vec3::new(0.2, 1.2, 3.5), Vec3::new(0.0, 0.7, 0.0), 50.0)
-        .quad(
-            Vec3::new(-2.0, 0.0, 2.0),
-            Vec3::X * 4.0,
-            Vec3::Z * -4.0,
-            grey(0.7),
-        )
+        .floor(2.0, 0.0, grey(0.7))
         .quad(
             Vec3::new(-2.0, 0.0, -1.5),
             Vec3::X * 4.0,

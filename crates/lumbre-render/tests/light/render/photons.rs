@@ -6,10 +6,8 @@ use glam::Vec3;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::Material;
 use lumbre_light::scene::desc::{ConeDesc, ConeEdge};
-use lumbre_light::transport::integrator::integrator;
-use lumbre_render::Job;
 
-use crate::common::{SceneBuilder, WHITE, grey, job, mean_and_error, render};
+use crate::common::{SceneBuilder, WHITE, grey, mean_and_error, named_job, render};
 use crate::render::agreement::technique;
 use crate::render::consistent_fixtures::{constant_job, label, merging_alone, polished};
 
@@ -95,10 +93,7 @@ fn plate_mirror_and_ceiling() -> Arc<CompiledScene> {
 #[test]
 fn photons_from_a_diffuse_surface_by_a_mirror_are_not_counted_twice() {
     let scene = plate_mirror_and_ceiling();
-    let truth = Job {
-        integrator: integrator("nee").unwrap(),
-        ..job([8; 2], 4, 9)
-    };
+    let truth = named_job("nee", [8; 2], 4, 9);
     let (expected, error) = mean_and_error(&render(&scene, truth, 256), 1);
     assert!(error < 0.02 * expected, "{expected} +- {error}");
     let job = constant_job(&technique("sppm", &[]), 8, 4, 0.08, 4000);

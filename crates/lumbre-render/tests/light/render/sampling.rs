@@ -27,12 +27,7 @@ fn scene() -> Arc<CompiledScene> {
     let mut scene = Arc::unwrap_or_clone(
         SceneBuilder::new(Vec3::new(0.0, 0.0, 0.95), Vec3::ZERO, 70.0)
             .room(1.0, grey(0.6))
-            .quad(
-                Vec3::new(-0.6, 0.98, -0.6),
-                Vec3::X * 1.2,
-                Vec3::Z * 1.2,
-                light(4.0),
-            )
+            .ceiling(0.6, 0.98, light(4.0))
             .sphere(Vec3::new(0.3, -0.5, -0.2), 0.4, glass)
             .build(),
     );

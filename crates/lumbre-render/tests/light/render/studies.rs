@@ -21,7 +21,7 @@ use super::agreement::{EYE, Setting, Technique, agree, room, technique};
 use super::wavefront_fixtures::{
     DISNEY, assert_same_bits, interfaces, materials, nee_job, room as plain_room, with_bpt,
 };
-use crate::common::{SceneBuilder, WHITE, grey, job, light, mean_and_error, render};
+use crate::common::{SceneBuilder, WHITE, grey, job, job_with, light, mean_and_error, render};
 
 /// Returns an integrator that continues paths in uniform directions.
 fn uniform(name: &str) -> Technique {
@@ -104,11 +104,7 @@ fn the_bsdf_of_a_metal_has_less_noise_than_uniform_directions() {
         .environment(None, Vec3::ONE, 0.0)
         .build();
     let film = |(row, params): Technique| {
-        let job = Job {
-            integrator: row,
-            ..job([16; 2], 2, 1)
-        }
-        .with(|settings| settings.params = params);
+        let job = job_with(row, params, job([16; 2], 2, 1));
         render(&scene, job, 64)
     };
     let (bsdf, spread) = (film(technique("bpt", &[])), film(uniform("bpt")));
@@ -162,12 +158,7 @@ fn uniform_sampling_of_the_environment_has_one_density_and_the_same_power() {
 fn both_samplings_of_the_environment_have_the_same_mean_and_luminance_has_less_noise() {
     let scene = |sampling| {
         let builder = SceneBuilder::new(Vec3::new(0.0, 1.0, 4.0), Vec3::ZERO, 40.0)
-            .quad(
-                Vec3::new(-2.0, -1.0, 2.0),
-                Vec3::X * 4.0,
-                Vec3::Z * -4.0,
-                grey(0.7),
-            )
+            .floor(2.0, -1.0, grey(0.7))
             .sphere(Vec3::new(0.0, -0.2, 0.0), 0.8, grey(0.5));
         builder
             .with(|s| s.environment = Some(sky(sampling)))
@@ -177,11 +168,7 @@ fn both_samplings_of_the_environment_have_the_same_mean_and_luminance_has_less_n
     for params in [&[][..], &[("mis", Value::from("none"))][..]] {
         let film = |scene: &Arc<CompiledScene>| {
             let (row, params) = technique("nee", params);
-            let job = Job {
-                integrator: row,
-                ..job([16; 2], 3, 1)
-            }
-            .with(|settings| settings.params = params);
+            let job = job_with(row, params, job([16; 2], 3, 1));
             render(scene, job, 512)
         };
         let (a, b) = (film(&importance), film(&uniform));
@@ -256,10 +243,8 @@ fn octahedra(mesh: Arc<MeshDesc>, kind: ShadingNormals, maps: bool, count: u32) 
         materials: vec![first, MaterialDesc::new("other")].into(),
         entities: (0..count).map(entity).collect(),
         environment: Some(EnvironmentDesc {
-            source: EnvironmentSource::Color(Vec3::ONE),
-            rotation_deg: 0.0,
-            scale: 1.0,
             sampling: EnvironmentSampling::Luminance,
+            ..EnvironmentDesc::new(EnvironmentSource::Color(Vec3::ONE))
         }),
         ..SceneDesc::default()
     }
@@ -268,11 +253,7 @@ fn octahedra(mesh: Arc<MeshDesc>, kind: ShadingNormals, maps: bool, count: u32) 
 fn picture(desc: &SceneDesc) -> Vec<[f64; 3]> {
     let (scene, _) = compile(desc).unwrap();
     let (row, params) = technique("nee", &[]);
-    let job = Job {
-        integrator: row,
-        ..job(desc.resolution, 3, 5)
-    }
-    .with(|settings| settings.params = params);
+    let job = job_with(row, params, job(desc.resolution, 3, 5));
     render(&Arc::new(scene), job, 4).sum
 }
 

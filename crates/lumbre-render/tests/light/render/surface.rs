@@ -8,8 +8,8 @@ use glam::{Mat2, Vec2, Vec3, Vec4};
 use lumbre_light::film::Film;
 use lumbre_light::scene::compile::{MaskMode, Material, NONE, Texture, UvMap};
 use lumbre_light::scene::desc::{
-    CameraDesc, EntityDesc, MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Texels,
-    TextureDesc, TextureSlot, mesh_hash, texture_hash,
+    CameraDesc, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Texels, TextureDesc,
+    TextureSlot, mesh_hash, texture_hash,
 };
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::integrator;
@@ -68,12 +68,7 @@ pub fn mesh_with_second_uvs(
         ..MeshDesc::default()
     };
     mesh.content_hash = mesh_hash(&mesh);
-    let camera = CameraDesc {
-        position: Vec3::Z * 3.0,
-        target: Vec3::ZERO,
-        optics: Optics::pinhole(40.0),
-        ..CameraDesc::default()
-    };
+    let camera = CameraDesc::pinhole(Vec3::Z * 3.0, Vec3::ZERO, 40.0);
     let entity = EntityDesc::new("e", ShapeDesc::Mesh(Arc::new(mesh)));
     let desc = SceneDesc {
         resolution: [8, 8],
@@ -241,24 +236,9 @@ fn sheet(height: f32, value: f32, mode: MaskMode) -> Arc<CompiledScene> {
         ..grey(0.0)
     };
     builder
-        .quad(
-            Vec3::new(-5.0, 0.0, 5.0),
-            Vec3::X * 10.0,
-            Vec3::Z * -10.0,
-            grey(0.5),
-        )
-        .quad(
-            Vec3::new(-1.0, 3.0, -1.0),
-            Vec3::X * 2.0,
-            Vec3::Z * 2.0,
-            light(4.0),
-        )
-        .quad(
-            Vec3::new(-9.0, height, 9.0),
-            Vec3::X * 18.0,
-            Vec3::Z * -18.0,
-            sheet,
-        )
+        .floor(5.0, 0.0, grey(0.5))
+        .ceiling(1.0, 3.0, light(4.0))
+        .floor(9.0, height, sheet)
         .build()
 }
 

@@ -7,12 +7,11 @@ use lumbre_light::math::stats::{median, sidak};
 use lumbre_light::math::t_test::welch_p;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::Material;
-use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::sampler::{INDEPENDENT, SOBOL};
 use lumbre_light::value::Value;
 use lumbre_render::{Job, Renderer};
 
-use crate::common::{WHITE, grey, job, light, render, render_waves};
+use crate::common::{WHITE, grey, job, job_with, light, named_job, render, render_waves};
 use crate::render::agreement::{Technique, technique};
 use crate::render::consistent_fixtures::{
     GLASS, SIGNIFICANCE, assert_degenerate_scenes_render, boxed, column, constant_job,
@@ -51,10 +50,7 @@ const NO_RADIUS: f64 = 1e-5;
 #[test]
 fn any_number_of_shared_light_subpaths_gives_the_mean_of_bidirectional_path_tracing() {
     let scene = varied();
-    let bdpt = Job {
-        integrator: integrator("bdpt").unwrap(),
-        ..job([12; 2], 5, 99)
-    };
+    let bdpt = named_job("bdpt", [12; 2], 5, 99);
     let truth = spread(&scene, &bdpt, 24, 96);
     for photons in [17, 144, 500] {
         let found = spread(
@@ -117,10 +113,7 @@ fn it_finds_reflected_caustics_with_less_noise_than_connections() {
         .iter()
         .map(|sum| sum[1] / 200.0)
         .collect();
-    let bdpt = Job {
-        integrator: integrator("bdpt").unwrap(),
-        ..job([16; 2], 6, 1)
-    };
+    let bdpt = named_job("bdpt", [16; 2], 6, 1);
     let connected = error(&scene, &bdpt, 64, &truth);
     let mut vcm = constant_job(&vcm(), 16, 6, 0.06, 256);
     vcm.settings
@@ -141,11 +134,7 @@ fn degenerate_scenes_render() {
         let dark = [grey(0.5), GLASS];
         assert_degenerate_scenes_render(join, (&dark, 4), &[1, 2, 3], |depth| {
             let (row, params) = technique("vcm", &[("join", join.into())]);
-            Job {
-                integrator: row,
-                ..job([8, 8], depth, 1)
-            }
-            .with(|settings| settings.params = params)
+            job_with(row, params, job([8, 8], depth, 1))
         });
     }
 }

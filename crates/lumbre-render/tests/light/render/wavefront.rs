@@ -161,13 +161,7 @@ fn every_setting_has_the_same_bits_in_lanes() {
             },
         ),
         ("direct light only", nee_job([23, 13], 2)),
-        (
-            "threads",
-            Job {
-                threads: 3,
-                ..nee_job([300, 2], 4)
-            },
-        ),
+        ("threads", nee_job([300, 2], 4).on_threads(3)),
     ] {
         assert_same_bits(name, &scene, job.clone(), 5);
         assert_same_bits(name, &scene, with_bdpt(job.clone()), 5);
@@ -294,11 +288,10 @@ fn every_time_axis_has_the_same_bits_in_lanes() {
         .build();
     let timed_job = with_time_axis(&nee_job([23, 13], 6));
     let axis = timed_job.settings.timing.clone().unwrap();
-    let wave = Job {
-        threads: 3,
-        ..timed_job.clone()
-    }
-    .with(|settings| settings.rr_start = Some(3));
+    let wave = timed_job
+        .clone()
+        .on_threads(3)
+        .with(|settings| settings.rr_start = Some(3));
     let with = |change: &dyn Fn(&mut Timing)| {
         let mut timing = axis.clone();
         change(&mut timing);
@@ -364,14 +357,7 @@ fn waves_and_checkpoints_of_a_film_with_a_time_axis_have_the_same_bits_in_lanes(
         with_time_axis(&with_lvc(nee_job([19, 11], 4))),
     ] {
         let open = |threads: usize| {
-            CpuRenderer::new(
-                Arc::clone(&scene),
-                Job {
-                    threads,
-                    ..job.clone()
-                },
-            )
-            .unwrap()
+            CpuRenderer::new(Arc::clone(&scene), job.clone().on_threads(threads)).unwrap()
         };
         let (mut whole, mut parts, mut after) = (open(1), open(2), open(3));
         whole.advance(7).unwrap();

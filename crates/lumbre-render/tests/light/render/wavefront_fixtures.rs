@@ -293,12 +293,7 @@ pub fn room(material: Material) -> SceneBuilder {
                 *n = (*n + bend).try_normalize().unwrap();
             }
         })
-        .quad(
-            Vec3::new(-0.3, 0.99, -0.3),
-            Vec3::X * 0.6,
-            Vec3::Z * 0.6,
-            light(8.0),
-        )
+        .ceiling(0.3, 0.99, light(8.0))
         .sphere(Vec3::new(0.3, -0.3, 0.0), 0.35, material)
 }
 
@@ -308,27 +303,19 @@ pub fn nee_job(resolution: [u32; 2], max_depth: u32) -> Job {
         lanes: LaneMode::Always,
         ..AccelSpec::default()
     };
-    Job {
-        threads: 1,
-        ..Job::plain(integrator("nee").unwrap(), resolution, max_depth, 5)
-    }
-    .with(|settings| settings.accel = accel)
+    Job::plain(integrator("nee").unwrap(), resolution, max_depth, 5)
+        .on_threads(1)
+        .with(|settings| settings.accel = accel)
 }
 
 /// Returns the job with `bpt`, which makes no connections.
 pub fn with_bpt(job: Job) -> Job {
-    Job {
-        integrator: integrator("bpt").unwrap(),
-        ..job
-    }
+    with_technique(job, "bpt", &[])
 }
 
 /// Returns the job with `bdpt`.
 pub fn with_bdpt(job: Job) -> Job {
-    Job {
-        integrator: integrator("bdpt").unwrap(),
-        ..job
-    }
+    with_technique(job, "bdpt", &[])
 }
 
 /// Returns the job with a technique and more parameters.

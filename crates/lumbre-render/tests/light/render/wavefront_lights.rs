@@ -149,16 +149,11 @@ fn every_kind_of_light_has_the_same_bits_in_lanes() {
         ),
         (
             "all of them",
-            ball(open().quad(
-                Vec3::new(-0.2, 1.2, -0.2),
-                Vec3::X * 0.4,
-                Vec3::Z * 0.4,
-                light(5.0),
-            ))
-            .sphere(Vec3::new(-0.6, 0.5, 0.3), 0.1, light(4.0))
-            .point(Vec3::new(0.5, 1.0, 0.5), Vec3::ONE)
-            .directional(Vec3::new(0.2, -1.0, 0.1), Vec3::ONE)
-            .environment(None, Vec3::splat(0.2), 0.0),
+            ball(open().ceiling(0.2, 1.2, light(5.0)))
+                .sphere(Vec3::new(-0.6, 0.5, 0.3), 0.1, light(4.0))
+                .point(Vec3::new(0.5, 1.0, 0.5), Vec3::ONE)
+                .directional(Vec3::new(0.2, -1.0, 0.1), Vec3::ONE)
+                .environment(None, Vec3::splat(0.2), 0.0),
         ),
     ];
     for (name, scene) in scenes {

@@ -92,12 +92,7 @@ fn every_profile() -> Vec<DelayDesc> {
 fn varied_room() -> SceneBuilder {
     let bulb = Vec3::new(-0.5, -0.55, 0.1);
     SceneBuilder::new(Vec3::new(0.0, 0.0, 2.6), Vec3::ZERO, 45.0)
-        .quad(
-            Vec3::new(-1.0, -1.0, 1.0),
-            Vec3::X * 2.0,
-            Vec3::Z * -2.0,
-            grey(0.7),
-        )
+        .floor(1.0, -1.0, grey(0.7))
         .quad(
             Vec3::new(-1.0, -1.0, -1.0),
             Vec3::X * 2.0,
@@ -113,12 +108,7 @@ fn varied_room() -> SceneBuilder {
                 ..grey(0.5)
             },
         )
-        .quad(
-            Vec3::new(-0.4, 0.98, -0.4),
-            Vec3::X * 0.8,
-            Vec3::Z * 0.8,
-            light(4.0),
-        )
+        .ceiling(0.4, 0.98, light(4.0))
         .sphere(
             Vec3::new(0.45, -0.5, 0.0),
             0.4,
@@ -144,10 +134,7 @@ fn slots_sum_to_the_film_and_have_the_same_bits_for_any_threads_waves_and_checkp
                 filter,
                 ..timing(3.0, 0.25, 30)
             };
-            let job = Job {
-                threads: 1,
-                ..timed_job(row.name, timing, [10, 8], 5, 3)
-            };
+            let job = timed_job(row.name, timing, [10, 8], 5, 3).on_threads(1);
             let whole = render_waves(&scene, job.clone(), &[9]);
             let all = whole.times().unwrap();
             assert_eq!(all.steady(), whole.film().mean(), "{}", row.name);
@@ -162,14 +149,7 @@ fn slots_sum_to_the_film_and_have_the_same_bits_for_any_threads_waves_and_checkp
             );
             assert!(all.sum.iter().any(|s| s[0] > 0.0) && all.slots(5, 5).len() == 32);
             for (threads, waves) in [(3, &[9u64][..]), (2, &[1, 2, 4, 2])] {
-                let other = render_waves(
-                    &scene,
-                    Job {
-                        threads,
-                        ..job.clone()
-                    },
-                    waves,
-                );
+                let other = render_waves(&scene, job.clone().on_threads(threads), waves);
                 assert!(
                     other.times().unwrap() == all,
                     "{}: {threads} threads, waves {waves:?}",
@@ -420,13 +400,8 @@ fn the_optical_length_in_glass_is_the_length_times_the_index() {
 fn a_constant_delay_shifts_all_reflected_light_by_its_length() {
     let open = || {
         SceneBuilder::new(Vec3::new(0.0, 1.5, 2.0), Vec3::ZERO, 50.0)
-            .quad(
-                Vec3::new(-3.0, 0.0, 3.0),
-                Vec3::X * 6.0,
-                Vec3::Z * -6.0,
-                grey(0.8),
-            )
-            .quad(Vec3::new(-0.5, 2.5, -0.5), Vec3::X, Vec3::Z, light(5.0))
+            .floor(3.0, 0.0, grey(0.8))
+            .ceiling(0.5, 2.5, light(5.0))
     };
     let axis = || timing(0.0, 0.25, 60);
     for row in INTEGRATORS {
@@ -467,12 +442,7 @@ fn the_histogram_of_paths_of_equal_length_is_the_delay_profile() {
     let lamp = Vec3::new(0.0, 2.0, 0.0);
     let floor = || {
         SceneBuilder::new(Vec3::new(0.0, 3.0, 4.0), Vec3::ZERO, 20.0)
-            .quad(
-                Vec3::new(-9.0, 0.0, 9.0),
-                Vec3::X * 18.0,
-                Vec3::Z * -18.0,
-                grey(0.5),
-            )
+            .floor(9.0, 0.0, grey(0.5))
             .point(lamp, Vec3::ONE)
     };
     let samples = 1u64 << 14;

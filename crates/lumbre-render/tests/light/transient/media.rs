@@ -12,19 +12,9 @@ use crate::common::{SceneBuilder, grey, light, render_waves, timed_job, timing};
 #[test]
 fn a_medium_around_everything_scales_all_times() {
     let scene = SceneBuilder::new(Vec3::new(0.0, 0.4, 3.0), Vec3::ZERO, 60.0)
-        .quad(
-            Vec3::new(-1.0, -0.5, 1.0),
-            Vec3::X * 2.0,
-            Vec3::Z * -2.0,
-            grey(0.7),
-        )
+        .floor(1.0, -0.5, grey(0.7))
         .sphere(Vec3::new(0.0, 0.2, 0.0), 0.4, grey(0.6))
-        .quad(
-            Vec3::new(-0.4, 1.5, -0.4),
-            Vec3::X * 0.8,
-            Vec3::Z * 0.8,
-            light(2.0),
-        )
+        .ceiling(0.4, 1.5, light(2.0))
         .environment(None, Vec3::splat(0.5), 0.0)
         .build();
     for name in ["bpt", "nee", "bdpt"] {

@@ -153,7 +153,7 @@ fn reports_list_sheets() {
     let sheet = item(&made, "sheets/mine");
     assert_eq!(
         (sheet.section.as_str(), sheet.title.as_str()),
-        ("Sheets", "mine")
+        ("Requested by the script", "mine")
     );
     let svg = sheet.svg.as_ref().unwrap();
     assert!(

@@ -496,10 +496,8 @@ impl FolderLoader<'_> {
         // +x: a quarter turn from the columns here.
         let rotation_deg = (90.0 + 360.0 * offset.rem_euclid(1.0)) as f32;
         Ok(source.map(|source| EnvironmentDesc {
-            source,
             rotation_deg,
-            scale: 1.0,
-            sampling: Default::default(),
+            ..EnvironmentDesc::new(source)
         }))
     }
 

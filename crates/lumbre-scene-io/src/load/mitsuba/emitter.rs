@@ -71,12 +71,7 @@ pub(super) fn read(
     match o.plugin.as_str() {
         "constant" => {
             let source = EnvironmentSource::Color(radiometric_color(o, "radiance")?);
-            Ok(Some(SceneLight::Environment(EnvironmentDesc {
-                source,
-                rotation_deg: 0.0,
-                scale: 1.0,
-                sampling: Default::default(),
-            })))
+            Ok(Some(SceneLight::Environment(EnvironmentDesc::new(source))))
         }
         "envmap" => environment_map(o, textures, notes),
         "point" => {
@@ -154,10 +149,9 @@ fn environment_map(
         ));
     }
     Ok(Some(SceneLight::Environment(EnvironmentDesc {
-        source: EnvironmentSource::Map(map),
         rotation_deg,
         scale: scale as f32,
-        sampling: Default::default(),
+        ..EnvironmentDesc::new(EnvironmentSource::Map(map))
     })))
 }
 

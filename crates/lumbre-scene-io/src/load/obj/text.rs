@@ -144,7 +144,8 @@ struct Checker {
     smooth: SmoothingGroups,
     triangulator: Triangulator,
     current: Option<usize>,
-    counts: Occurrences,
+    /// Number of occurrences of each [`Problem`], with the line of the first.
+    counts: [(usize, usize); PROBLEMS.len()],
     noted_keywords: NotedKeywords,
     libraries: Vec<String>,
     /// Set of the names in `libraries`.
@@ -152,29 +153,43 @@ struct Checker {
     notes: Vec<(String, String)>,
 }
 
-/// Number of occurrences of each problem, with the line of the first.
-#[derive(Default)]
-struct Occurrences {
-    lines_and_points: (usize, usize),
-    short_faces: (usize, usize),
-    concave_faces: (usize, usize),
-    bad_uvs: (usize, usize),
-    bad_normals: (usize, usize),
-    partial_faces: (usize, usize),
-    nameless: (usize, usize),
-    byte_colors: (usize, usize),
-    painted: (usize, usize),
+/// Problems that are counted, in the order of [`PROBLEMS`].
+enum Problem {
+    LinesAndPoints,
+    ShortFaces,
+    ConcaveFaces,
+    BadUvs,
+    BadNormals,
+    Nameless,
+    PartialFaces,
+    Painted,
+    ByteColors,
 }
 
-/// Counts an occurrence in a line.
-fn record(counter: &mut (usize, usize), line: usize) {
-    if counter.0 == 0 {
-        counter.1 = line;
-    }
-    counter.0 += 1;
-}
+/// Notes on the problems, in their order.
+const PROBLEMS: [&str; 9] = [
+    "line and point elements, which have no surface, are ignored",
+    "faces with fewer than three vertices are left out",
+    "concave polygons whose edges intersect, or too many to triangulate otherwise, are \
+     fans from their first vertex, which cover too much",
+    "texture coordinates that are not finite are replaced by (0, 0)",
+    "normals without a direction are replaced by the normal of the face",
+    "`usemtl` without a name selects the default material",
+    "normals or texture coordinates of only some vertices of a face are ignored",
+    "colours of vertices in comments `#MRGB` are not supported; ignored",
+    "colours of vertices exceed 1; all are divided by 255",
+];
 
 impl Checker {
+    /// Counts an occurrence of a problem in this line.
+    fn record(&mut self, problem: Problem) {
+        let (count, first) = &mut self.counts[problem as usize];
+        if *count == 0 {
+            *first = self.line;
+        }
+        *count += 1;
+    }
+
     /// Checks a statement.
     fn statement(&mut self, line: &str) -> Result<(), String> {
         // A comment may follow numbers; names may contain a `#`.
@@ -182,7 +197,7 @@ impl Checker {
         let mut words = numbers.split_whitespace();
         let Some(keyword) = words.next() else {
             if line.starts_with("#MRGB ") {
-                record(&mut self.counts.painted, self.line);
+                self.record(Problem::Painted);
             }
             return Ok(());
         };
@@ -192,7 +207,7 @@ impl Checker {
             "vn" => self.normal(words),
             "f" | "fo" => self.face(words),
             "l" | "p" => {
-                record(&mut self.counts.lines_and_points, self.line);
+                self.record(Problem::LinesAndPoints);
                 Ok(())
             }
             // Names of objects and groups leave the material and the smoothing group as they are.
@@ -206,7 +221,7 @@ impl Checker {
             "usemtl" => {
                 let name = line["usemtl".len()..].trim();
                 if name.is_empty() {
-                    record(&mut self.counts.nameless, self.line);
+                    self.record(Problem::Nameless);
                 }
                 self.material = (!name.is_empty()).then(|| name.to_owned());
                 Ok(())
@@ -274,7 +289,7 @@ impl Checker {
             return Err(format!("the colour ({}) is not finite", words.join(" ")));
         }
         if color.iter().any(|x| *x > 1.0) {
-            record(&mut self.counts.byte_colors, self.line);
+            self.record(Problem::ByteColors);
         }
         // Positions without a colour are white.
         self.colors.resize(self.positions.len(), Vec3::ONE);
@@ -285,7 +300,7 @@ impl Checker {
     /// Appends the positions, in linear colours if any has one. Colours are in sRGB, as programs
     /// that paint and scan meshes write them.
     fn write_positions(&self, text: &mut String) {
-        let most = if self.counts.byte_colors.0 > 0 {
+        let most = if self.counts[Problem::ByteColors as usize].0 > 0 {
             255.0
         } else {
             1.0
@@ -320,7 +335,7 @@ impl Checker {
             return Err("a texture coordinate needs at least 1 number, found 0".to_owned());
         }
         if !uv.iter().all(|x| x.is_finite()) {
-            record(&mut self.counts.bad_uvs, self.line);
+            self.record(Problem::BadUvs);
             uv = [0.0; 2];
         }
         self.read[1] += 1;
@@ -342,7 +357,7 @@ impl Checker {
         let length = n.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
         let unit = n.map(|x| (f64::from(x) / length) as f32);
         if !unit.iter().all(|x| x.is_finite()) {
-            record(&mut self.counts.bad_normals, self.line);
+            self.record(Problem::BadNormals);
             n = [0.0; 3];
         } else {
             n = unit;
@@ -356,14 +371,14 @@ impl Checker {
     fn face<'a>(&mut self, words: impl Iterator<Item = &'a str>) -> Result<(), String> {
         let mut corners: Vec<Corner> = words.map(|w| self.corner(w)).collect::<Result<_, _>>()?;
         if corners.len() < 3 {
-            record(&mut self.counts.short_faces, self.line);
+            self.record(Problem::ShortFaces);
             return Ok(());
         }
         let all = |k: usize| corners.iter().all(|c| c[k].is_some());
         let some = |k: usize| corners.iter().any(|c| c[k].is_some());
         let (uvs, mut normals) = (all(1), all(2));
         if (some(1) && !uvs) || (some(2) && !normals) {
-            record(&mut self.counts.partial_faces, self.line);
+            self.record(Problem::PartialFaces);
         }
         let polygon: Vec<usize> = corners.iter().filter_map(|c| c[0]).collect();
         let ears = self.ears(&polygon);
@@ -475,7 +490,7 @@ impl Checker {
         let fans = self.triangulator.fans;
         let ears = self.triangulator.ears(&points);
         if self.triangulator.fans > fans {
-            record(&mut self.counts.concave_faces, self.line);
+            self.record(Problem::ConcaveFaces);
         }
         ears
     }
@@ -488,47 +503,7 @@ impl Checker {
         for n in self.smooth.normals(&self.positions) {
             push_numbers(&mut vertices, "vn", &n.to_array());
         }
-        let c = &self.counts;
-        let notes = [
-            (
-                c.lines_and_points,
-                "line and point elements, which have no surface, are ignored",
-            ),
-            (
-                c.short_faces,
-                "faces with fewer than three vertices are left out",
-            ),
-            (
-                c.concave_faces,
-                "concave polygons whose edges intersect, or too many to triangulate otherwise, are \
-                 fans from their first vertex, which cover too much",
-            ),
-            (
-                c.bad_uvs,
-                "texture coordinates that are not finite are replaced by (0, 0)",
-            ),
-            (
-                c.bad_normals,
-                "normals without a direction are replaced by the normal of the face",
-            ),
-            (
-                c.nameless,
-                "`usemtl` without a name selects the default material",
-            ),
-            (
-                c.partial_faces,
-                "normals or texture coordinates of only some vertices of a face are ignored",
-            ),
-            (
-                c.painted,
-                "colours of vertices in comments `#MRGB` are not supported; ignored",
-            ),
-            (
-                c.byte_colors,
-                "colours of vertices exceed 1; all are divided by 255",
-            ),
-        ];
-        for ((n, line), message) in notes {
+        for ((n, line), message) in self.counts.into_iter().zip(PROBLEMS) {
             if n > 0 {
                 self.notes
                     .push((format!("line {line}"), format!("{message}: {n}")));

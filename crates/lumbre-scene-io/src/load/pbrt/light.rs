@@ -335,12 +335,8 @@ impl LightReader<'_> {
             } else {
                 1.0
             };
-            return Ok(Some(EnvironmentDesc {
-                source: EnvironmentSource::Color(Self::limited(params, color, by)?),
-                rotation_deg: 0.0,
-                scale: 1.0,
-                sampling: Default::default(),
-            }));
+            let source = EnvironmentSource::Color(Self::limited(params, color, by)?);
+            return Ok(Some(EnvironmentDesc::new(source)));
         };
         let Some((image, map, rotation_deg)) = self.map(params, file, to_world)? else {
             return Ok(None);
@@ -352,11 +348,11 @@ impl LightReader<'_> {
         };
         let scale = Self::limited(params, color, by)?;
         let grey = scale.max_element() == scale.min_element();
+        let map = if grey { map } else { tinted(&map, scale) };
         Ok(Some(EnvironmentDesc {
-            source: EnvironmentSource::Map(Arc::new(if grey { map } else { tinted(&map, scale) })),
             rotation_deg,
             scale: if grey { scale.x } else { 1.0 },
-            sampling: Default::default(),
+            ..EnvironmentDesc::new(EnvironmentSource::Map(Arc::new(map)))
         }))
     }
 }

@@ -150,10 +150,9 @@ pub(super) fn environment(
     };
     object.note_unknown(["file", "color", "rotation", "scale"], diagnostics);
     Ok(EnvironmentDesc {
-        source,
         rotation_deg,
         scale,
-        sampling: Default::default(),
+        ..EnvironmentDesc::new(source)
     })
 }
 

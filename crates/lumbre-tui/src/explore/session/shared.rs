@@ -17,20 +17,19 @@ use lumbre_scene_io::load::MissingTextures;
 /// Number of pictures of a session.
 pub const SLOTS: usize = 2;
 
-/// One of the pictures of a session.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Slot {
-    /// The first picture; the only one without a comparison.
-    #[default]
-    A,
-    /// The second picture.
-    B,
+lumbre_light::named! {
+    /// One of the pictures of a session.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub enum Slot {
+        /// The first picture; the only one without a comparison.
+        #[default]
+        A = "A",
+        /// The second picture.
+        B = "B",
+    }
 }
 
 impl Slot {
-    /// Both slots, in order.
-    pub const ALL: [Slot; SLOTS] = [Slot::A, Slot::B];
-
     /// Returns the slot of the picture with which this one is compared.
     pub fn other(self) -> Slot {
         match self {
@@ -39,20 +38,9 @@ impl Slot {
         }
     }
 
-    /// Returns the name on the screen.
-    pub fn name(self) -> &'static str {
-        match self {
-            Slot::A => "A",
-            Slot::B => "B",
-        }
-    }
-
     /// Returns the index in arrays with an element for each slot.
     pub fn index(self) -> usize {
-        match self {
-            Slot::A => 0,
-            Slot::B => 1,
-        }
+        self as usize
     }
 }
 

@@ -8,7 +8,7 @@ use super::Screen;
 use crate::explore::reference::{FloorDistance, SettingCurve, floor_distance, metrics};
 use crate::tui::format;
 use crate::tui::panes::chart::{self, ChartCurve, Lines};
-use crate::tui::panes::{draw_note, pane};
+use crate::tui::panes::{draw_note, framed, pane};
 use lumbre_metrics::MetricSpec;
 
 /// Draws the pane.
@@ -36,8 +36,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
     } else {
         block
     };
-    let inner = block.inner(area);
-    frame.render_widget(block, area);
+    let inner = framed(frame, area, block);
     if let Some(mismatch) = state.mismatch(state.side) {
         return draw_note(frame, inner, caps, mismatch.text());
     }

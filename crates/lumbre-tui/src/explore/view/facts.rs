@@ -10,14 +10,13 @@ use crate::explore::reference::metrics;
 use crate::explore::session::{Frame as Picture, Slot};
 use crate::explore::settings::Settings;
 use crate::tui::format;
-use crate::tui::panes::pane;
+use crate::tui::panes::{framed, pane};
 
 /// Draws the facts.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
     let caps = screen.caps;
     let block = pane(caps, Span::styled(" Progress ", caps.strong()));
-    let inner = block.inner(area);
-    frame.render_widget(block, area);
+    let inner = framed(frame, area, block);
     let rows = match &screen.state.comparison {
         Some(_) => compared(screen),
         None => alone(screen),

@@ -12,7 +12,7 @@ use ratatui::widgets::{Clear, Paragraph};
 use super::Screen;
 use crate::explore::inspect::{Inspection, Inspector, SurfaceFacts};
 use crate::tui::format::{self, number};
-use crate::tui::panes::{draw_note, pane};
+use crate::tui::panes::{draw_note, framed, pane};
 use crate::tui::terminal::terminal_caps::TerminalCaps;
 use lumbre_render::lobe::{BINS, Lobe, STEPS, angle_of};
 
@@ -41,8 +41,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, inspector: &Inspecto
                 None => "There is no surface at this pixel.",
             };
             let block = pane(caps, Span::styled(" Lobe ", caps.strong()));
-            let inner = block.inner(lower);
-            frame.render_widget(block, lower);
+            let inner = framed(frame, lower, block);
             draw_note(frame, inner, caps, text);
         }
     }
@@ -55,8 +54,7 @@ fn steps(frame: &mut Frame, area: Rect, caps: TerminalCaps, found: &Inspection, 
     let hint = " n N sample  up down scroll  Enter close ";
     let block = pane(caps, Span::styled(title, caps.strong()))
         .title_bottom(Line::styled(hint, caps.dim()).right_aligned());
-    let inner = block.inner(area);
-    frame.render_widget(block, area);
+    let inner = framed(frame, area, block);
     let mut lines: Vec<Line> = Vec::new();
     for (index, step) in found.steps.iter().enumerate() {
         let room = usize::from(inner.width).saturating_sub(5);
@@ -85,8 +83,7 @@ fn polar(frame: &mut Frame, area: Rect, caps: TerminalCaps, surface: &SurfaceFac
     let note = format!(" at most {} /sr ", number(most));
     let block = pane(caps, Span::styled(title, caps.strong()))
         .title_bottom(Line::styled(note, caps.dim()).right_aligned());
-    let inner = block.inner(area);
-    frame.render_widget(block, area);
+    let inner = framed(frame, area, block);
     if most <= 0.0 {
         return draw_note(frame, inner, caps, "This material has Dirac lobes only.");
     }
@@ -143,8 +140,7 @@ fn histogram(frame: &mut Frame, area: Rect, caps: TerminalCaps, lobe: &Lobe) {
         number(100.0 * lobe.lost)
     );
     let block = pane(caps, title).title_bottom(Line::styled(facts, caps.dim()).right_aligned());
-    let inner = block.inner(area);
-    frame.render_widget(block, area);
+    let inner = framed(frame, area, block);
     // Directions below the surface have columns only if there are any.
     let whole = lobe.is_transmissive();
     let bins = if whole {

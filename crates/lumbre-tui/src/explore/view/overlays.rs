@@ -7,7 +7,7 @@ use ratatui::widgets::{Clear, Paragraph};
 
 use crate::explore::picker::Picker;
 use crate::tui::format;
-use crate::tui::panes::pane;
+use crate::tui::panes::{framed, pane};
 use crate::tui::terminal::terminal_caps::TerminalCaps;
 
 /// Keys and what they do.
@@ -54,8 +54,7 @@ fn window(frame: &mut Frame, area: Rect, caps: TerminalCaps, title: &str, size: 
     };
     frame.render_widget(Clear, at);
     let block = pane(caps, Span::styled(format!(" {title} "), caps.accent()));
-    let inner = block.inner(at);
-    frame.render_widget(block, at);
+    let inner = framed(frame, at, block);
     inner
 }
 

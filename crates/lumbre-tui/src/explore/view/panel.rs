@@ -10,7 +10,7 @@ use ratatui::widgets::Paragraph;
 use super::Screen;
 use crate::explore::parameters::{self, Parameter};
 use crate::tui::format;
-use crate::tui::panes::pane;
+use crate::tui::panes::{framed, pane};
 
 /// Width of the column of names.
 const NAMES: usize = 15;
@@ -24,8 +24,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
         screen.caps,
         Span::styled(" Settings ", screen.caps.strong()),
     );
-    let inner = block.inner(area);
-    frame.render_widget(block, area);
+    let inner = framed(frame, area, block);
     let rows = if inner.height >= 14 { DESCRIPTION } else { 0 };
     let parts = [Constraint::Fill(1), Constraint::Length(rows)];
     let [list, description] = Layout::vertical(parts).areas(inner);

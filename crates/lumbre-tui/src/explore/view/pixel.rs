@@ -9,7 +9,7 @@ use super::Screen;
 use crate::explore::inspect::{Inspection, Inspector};
 use crate::explore::session::Frame as Picture;
 use crate::tui::format::{self, number};
-use crate::tui::panes::pane;
+use crate::tui::panes::{framed, pane};
 use lumbre_light::math::luminance::luminance;
 
 /// Draws the pane.
@@ -21,8 +21,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, inspector: &Inspecto
     let title = format!(" Pixel {x}, {y} ");
     let hint = Line::styled(" Enter: steps and lobe ", caps.dim()).right_aligned();
     let block = pane(caps, Span::styled(title, caps.strong())).title_bottom(hint);
-    let inner = block.inner(area);
-    frame.render_widget(block, area);
+    let inner = framed(frame, area, block);
     let picture = screen.published.slot(state.side).frame.as_ref();
     let mut rows = picture.map_or_else(Vec::new, |picture| values(picture, [x, y]));
     match &inspector.found {

@@ -6,7 +6,7 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
-use super::{pane, title};
+use super::{framed, pane, title};
 use crate::tui::format;
 use crate::tui::model::eta;
 use crate::tui::model::night::{CurrentRun, NightModel};
@@ -49,8 +49,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
     }
     let block = pane(caps, Line::from(title))
         .title(Line::from(Span::styled(format!(" {state} "), style)).right_aligned());
-    let inner = block.inner(area);
-    frame.render_widget(block, area);
+    let inner = framed(frame, area, block);
     let width = usize::from(inner.width);
     let device = super::regions(frame.area(), view.focus, model).device;
     let sheet = Sheet {

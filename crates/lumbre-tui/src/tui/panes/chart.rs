@@ -8,7 +8,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 use ratatui::widgets::canvas::{Canvas, Context, Line as Stroke, Points};
 
-use super::pane;
+use super::{framed, pane};
 use crate::tui::axis::{AxisScale, ChartAxis};
 use crate::tui::format;
 use crate::tui::model::curve::Curve;
@@ -36,8 +36,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
         let unit = Line::styled(format!(" over {} ", axis_unit(view.chart_x)), caps.dim());
         block = block.title_bottom(unit.right_aligned());
     }
-    let inner = block.inner(area);
-    frame.render_widget(block, area);
+    let inner = framed(frame, area, block);
     let (Some(spec), Some(current)) = (spec, current) else {
         let note = if spec.is_none() && model.planned().is_some() {
             "this plan has no metrics"
@@ -80,8 +79,7 @@ fn reference_noise(frame: &mut Frame, area: Rect, run: &CurrentRun, view: &View)
     }
     let unit = Line::styled(format!(" over {} ", axis_unit(view.chart_x)), caps.dim());
     let block = pane(caps, Line::from(title)).title_bottom(unit.right_aligned());
-    let inner = block.inner(area);
-    frame.render_widget(block, area);
+    let inner = framed(frame, area, block);
     let points = points(&run.noise, view.chart_x, 0);
     if points.is_empty() {
         let note = if view.watching {

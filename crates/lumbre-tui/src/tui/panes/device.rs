@@ -5,7 +5,7 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
-use super::pane;
+use super::{framed, pane};
 use crate::tui::format;
 use crate::tui::model::night::NightModel;
 use crate::tui::model::worker_list;
@@ -36,9 +36,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
     if let Some(backend) = backend {
         title.push(Span::styled(format!("{backend} "), caps.accent()));
     }
-    let block = pane(caps, Line::from(title));
-    let inner = block.inner(area);
-    frame.render_widget(block, area);
+    let inner = framed(frame, area, pane(caps, Line::from(title)));
     let width = usize::from(inner.width);
     let ellipsis = caps.glyphs().ellipsis;
     let device = current.map_or_else(String::new, |current| current.open.device_line());
@@ -90,9 +88,7 @@ fn list(frame: &mut Frame, area: Rect, model: &NightModel, caps: TerminalCaps) {
     if lost > 0 {
         title.push(Span::styled(format!("{lost} lost "), caps.bad()));
     }
-    let block = pane(caps, Line::from(title));
-    let inner = block.inner(area);
-    frame.render_widget(block, area);
+    let inner = framed(frame, area, pane(caps, Line::from(title)));
     let lines = worker_list::lines(
         caps,
         &model.workers,

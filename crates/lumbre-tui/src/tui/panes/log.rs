@@ -6,7 +6,7 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
-use super::pane;
+use super::{framed, pane};
 use crate::tui::format;
 use crate::tui::model::night::{LogMessage, NightModel};
 use crate::tui::view::View;
@@ -79,8 +79,7 @@ pub fn lines_back(model: &NightModel, view: &View, area: Rect) -> usize {
 /// Draws the log pane.
 pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
     let block = pane(view.caps, Span::styled(" Log ", view.caps.strong()));
-    let inner = block.inner(area);
-    frame.render_widget(block, area);
+    let inner = framed(frame, area, block);
     let height = usize::from(inner.height);
     if model.messages.is_empty() {
         frame.render_widget(Paragraph::new("no messages").style(view.caps.dim()), inner);

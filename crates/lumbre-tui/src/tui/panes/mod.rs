@@ -282,6 +282,13 @@ pub fn draw(frame: &mut Frame, model: &NightModel, view: &View) {
     }
 }
 
+/// Draws a block and returns the area inside it.
+pub(crate) fn framed(frame: &mut Frame, area: Rect, block: Block) -> Rect {
+    let inner = block.inner(area);
+    frame.render_widget(block, area);
+    inner
+}
+
 /// Returns a bordered block with a title.
 pub(crate) fn pane<'a>(caps: TerminalCaps, title: impl Into<Line<'a>>) -> Block<'a> {
     Block::new()

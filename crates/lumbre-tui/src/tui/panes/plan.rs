@@ -6,7 +6,7 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
-use super::pane;
+use super::{framed, pane};
 use crate::tui::format;
 use crate::tui::model::column::Column;
 use crate::tui::model::eta;
@@ -105,9 +105,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
         let words = format::fit(&format::clean(&view.filter), room, caps.glyphs().ellipsis);
         title.push(Span::styled(format!("/{words} "), caps.warn()));
     }
-    let block = pane(caps, Line::from(title));
-    let inner = block.inner(area);
-    frame.render_widget(block, area);
+    let inner = framed(frame, area, pane(caps, Line::from(title)));
     if model.planned().is_none() {
         frame.render_widget(
             Paragraph::new("waiting for the plan").style(caps.dim()),

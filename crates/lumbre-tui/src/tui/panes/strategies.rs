@@ -5,7 +5,7 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
-use super::{pane, picture};
+use super::{framed, pane, picture};
 use crate::tui::format;
 use crate::tui::model::night::NightModel;
 use crate::tui::model::strategy_thumbnails::{StrategyThumbnail, StrategyThumbnails};
@@ -18,9 +18,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
     let caps = view.caps;
     let mut title = vec![Span::styled(" Strategies ", caps.strong())];
     let (Some(thumbnails), Some(night)) = (&model.thumbnails, model.planned()) else {
-        let block = pane(caps, Line::from(title));
-        let inner = block.inner(area);
-        frame.render_widget(block, area);
+        let inner = framed(frame, area, pane(caps, Line::from(title)));
         let note = "No strategy films yet. They appear when a cell ends whose script sets \
                     films = { \"strategies\" }.";
         super::draw_note(frame, inner, caps, note);
@@ -45,8 +43,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
         Span::styled(" weights ", caps.dim()),
     ]);
     let block = pane(caps, Line::from(title)).title_bottom(key.right_aligned());
-    let inner = block.inner(area);
-    frame.render_widget(block, area);
+    let inner = framed(frame, area, block);
     pyramid(frame, inner, view, thumbnails, night);
 }
 

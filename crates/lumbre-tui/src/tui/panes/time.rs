@@ -4,7 +4,7 @@ use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 
-use super::{pane, picture};
+use super::{framed, pane, picture};
 use crate::tui::format;
 use crate::tui::model::night::NightModel;
 use crate::tui::model::time_preview::TimePreview;
@@ -16,9 +16,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
     let caps = view.caps;
     let mut title = vec![Span::styled(" Time ", caps.strong())];
     let (Some(time_preview), Some(night)) = (&model.time_preview, model.planned()) else {
-        let block = pane(caps, Line::from(title));
-        let inner = block.inner(area);
-        frame.render_widget(block, area);
+        let inner = framed(frame, area, pane(caps, Line::from(title)));
         let note = "No time-resolved film yet. The script must set film = { time = .. }. It is \
                     updated whenever the sample count doubles; large films appear when the \
                     cell ends.";
@@ -41,8 +39,7 @@ pub fn draw(frame: &mut Frame, area: Rect, model: &NightModel, view: &View) {
     if usize::from(area.width) > 46 + position.len() {
         block = block.title_bottom(Line::styled(position, caps.dim()).right_aligned());
     }
-    let inner = block.inner(area);
-    frame.render_widget(block, area);
+    let inner = framed(frame, area, block);
     if inner.height < 2 {
         return;
     }

@@ -9,11 +9,10 @@ use glam::Vec3;
 use crate::tui::model::night::NightModel;
 use lumbre_light::film::{Image, SharedImage};
 use lumbre_light::scene::SceneDesc;
-use lumbre_light::scene::desc::{CameraDesc, Optics};
+use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
 use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
-use lumbre_metrics::tonemap::Tonemap;
 use lumbre_night::experiment::outcome::Level;
 use lumbre_night::experiment::plan::{CellIdentity, Reference, ReferenceSource, Skipped};
 use lumbre_night::experiment::spec::{MeasureSpec, Snapshots};
@@ -28,12 +27,7 @@ fn scene() -> SceneDesc {
     SceneDesc {
         resolution: [512, 512],
         max_depth: 5,
-        camera: CameraDesc {
-            position: Vec3::Z,
-            target: Vec3::ZERO,
-            optics: Optics::pinhole(40.0),
-            ..CameraDesc::default()
-        },
+        camera: CameraDesc::pinhole(Vec3::Z, Vec3::ZERO, 40.0),
         ..SceneDesc::default()
     }
 }
@@ -97,12 +91,9 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
         ("range".to_owned(), Value::Int(1)),
     ]);
     Plan {
-        commands: Vec::new(),
-        commands_allowed: false,
         name: "first_light".to_owned(),
         hash: "3f9a2b1c00".to_owned(),
         seed: 1,
-        settings: Vec::new(),
         axes: vec!["depth".to_owned(), "aa".to_owned()],
         cells,
         references: vec![Reference {
@@ -123,26 +114,16 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
             reason: "black".to_owned(),
             absent: false,
         }],
-        notes: Vec::new(),
-        warnings: Vec::new(),
         measure: MeasureSpec {
-            every_s: 0.5,
             metrics: vec![
                 metric("rmse"),
                 MetricSpec::new("ssim", "ssim", ssim).unwrap(),
                 metric("psnr"),
             ],
             snapshots: Snapshots::Pow2,
-            captures: false,
-            display: Tonemap::Srgb { exposure: 0.0 },
+            ..MeasureSpec::default()
         },
-        night: Default::default(),
-        figures: Vec::new(),
-        tables: Vec::new(),
-        sheets: Vec::new(),
-        report: Default::default(),
-        script_text: String::new(),
-        files: Default::default(),
+        ..Plan::default()
     }
 }
 

@@ -5,7 +5,7 @@ use glam::Affine3A;
 
 use super::super::mesh::area_and_front;
 use super::*;
-use crate::scene::desc::{MaterialDesc, MeshDesc, Optics, Transform, mesh_hash};
+use crate::scene::desc::{MaterialDesc, MeshDesc, Transform, mesh_hash};
 
 fn mesh(positions: Vec<Vec3>, normals: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Arc<MeshDesc> {
     let mut m = MeshDesc {
@@ -25,12 +25,7 @@ fn scene(shapes: Vec<(ShapeDesc, Transform)>, material: MaterialDesc) -> SceneDe
     SceneDesc {
         resolution: [8, 8],
         max_depth: 5,
-        camera: CameraDesc {
-            position: Vec3::Z * 5.0,
-            target: Vec3::ZERO,
-            optics: Optics::pinhole(45.0),
-            ..CameraDesc::default()
-        },
+        camera: CameraDesc::pinhole(Vec3::Z * 5.0, Vec3::ZERO, 45.0),
         materials: vec![material].into(),
         entities: shapes
             .into_iter()
