@@ -61,6 +61,7 @@ pub fn plan(axes: &[AxisValues], repeats: u32) -> Plan {
                 .to_vec(),
             snapshots: Snapshots::Last,
             captures: false,
+            film_files: false,
             display: Tonemap::Srgb { exposure: 0.0 },
         },
         night: Default::default(),

@@ -159,6 +159,7 @@ fn spec() -> ExperimentSpec {
             metrics: Vec::new(),
             snapshots: Snapshots::Last,
             captures: false,
+            film_files: false,
             display: Tonemap::Srgb { exposure: 0.0 },
         },
         night: Default::default(),

@@ -53,9 +53,36 @@ fn a_picture_is_written_with_its_settings_and_has_the_same_bits_again() {
     assert_eq!(found["samples"], 8, "{found}");
     assert_eq!(found["files"][0], "a.exr");
     assert!(found["relative_noise"].as_f64().unwrap() > 0.0 && found["version"] == 1);
+    // The render time, an attribute of the file, differs.
     let mut threads = settings.to_vec();
     threads.extend(["--threads", "3"]);
-    assert_eq!(render(&place, &threads).1, bytes);
+    assert_eq!(decode(&render(&place, &threads).1), (image, metadata));
+}
+
+#[test]
+fn layers_are_channels_of_the_picture() {
+    let place = Workplace::new();
+    let (_, plain) = render(&place, &["--spp", "4"]);
+    let films = "films=[\"albedo\",\"shape_index\",\"variance\"]";
+    let (_, bytes) = render(&place, &["--spp", "4", films]);
+    assert_eq!(decode(&bytes).0, decode(&plain).0);
+    for (group, most) in [
+        ("Albedo", 1.0),
+        ("ShapeIndex", 20.0),
+        ("Variance", f32::MAX),
+    ] {
+        let image = exr::decode_group(&bytes, group).unwrap();
+        let values = image.data.as_flattened().iter();
+        let greatest = values.copied().fold(f32::NEG_INFINITY, f32::max);
+        assert!(greatest > 0.0 && greatest <= most, "{group}: {greatest}");
+    }
+    let refused = place.run(&["render", "ball.scn", "films=depth"]);
+    assert_eq!(refused.status, 2);
+    assert!(
+        refused.stderr.contains("several pictures"),
+        "{}",
+        refused.stderr
+    );
 }
 
 #[test]

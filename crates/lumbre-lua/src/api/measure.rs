@@ -51,6 +51,9 @@ lumbre_light::table! {
     png = "last": Ty::Word(&["last", "every"]),
         "PNG pictures, tone-mapped by `display`: `last` stores the final picture, `every` also one \
          at every measurement";
+    films = "picture": Ty::Word(&["picture", "files"]),
+        "layers of `films` that are a single film: `picture` stores them as channels of the final \
+         OpenEXR picture, `files` each in a file of its own";
 }
 
 lumbre_light::table! {
@@ -190,6 +193,7 @@ pub fn default_measure() -> MeasureSpec {
         metrics: Vec::new(),
         snapshots: Snapshots::Last,
         captures: false,
+        film_files: false,
         display: Tonemap::Srgb { exposure: 0.0 },
     }
 }
@@ -219,6 +223,7 @@ fn read_measure(table: &mlua::Table) -> Result<MeasureSpec, SchemaError> {
         measure.snapshots = Snapshots::Pow2;
     }
     measure.captures = keep("png") == Some("every");
+    measure.film_files = keep("films") == Some("files");
     if let Some(display) = fields.values.get("display") {
         measure.display = Tonemap::from_value("measure.display", display)?;
     }

@@ -104,6 +104,7 @@ pub(super) fn plan(name: &str, hash: &str, ids: &[&str]) -> Plan {
             metrics: vec![],
             snapshots: Snapshots::Last,
             captures: false,
+            film_files: false,
             display: Tonemap::Srgb { exposure: 0.0 },
         },
         night: Default::default(),

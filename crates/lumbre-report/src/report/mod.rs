@@ -74,11 +74,11 @@ pub enum ReportError {
 }
 
 /// Callback that reads and decodes a picture file, or returns an error message.
-pub type Pictures<'a> = dyn Fn(&Path) -> Result<Image, String> + 'a;
+pub type Pictures<'a> = dyn Fn(&Path, Option<&str>) -> Result<Image, String> + 'a;
 
 /// Callbacks to the program that a report needs.
 pub struct ReportContext<'a> {
-    /// Reads a picture.
+    /// Reads a picture, or a group of channels of its file such as `Bounces`.
     pub pictures: &'a Pictures<'a>,
     /// Descriptions of everything read so far that does not match its checksum, which is left out.
     pub problems: &'a dyn Fn() -> Vec<String>,

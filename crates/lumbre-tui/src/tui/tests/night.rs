@@ -134,6 +134,7 @@ pub fn plan_over(depths: &[u32], radii: &[f32]) -> Plan {
             ],
             snapshots: Snapshots::Pow2,
             captures: false,
+            film_files: false,
             display: Tonemap::Srgb { exposure: 0.0 },
         },
         night: Default::default(),
