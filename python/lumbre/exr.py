@@ -1,12 +1,13 @@
-"""Reads the OpenEXR files that Lumbre writes: one part of tiles or scan lines with R, G and B as
-32-bit floats, compressed by ZIP or not at all. For other files use a library such as OpenEXR."""
+"""Reads the OpenEXR files that Lumbre writes: one part of tiles or scan lines with R, G and B, and
+layers in further channels, as 32-bit floats, compressed by ZIP or not at all. For other files use a
+library such as OpenEXR."""
 
 from __future__ import annotations
 
 import struct
 import zlib
 from pathlib import Path
-from typing import Dict, Tuple, Union
+from typing import Dict, Sequence, Tuple, Union
 
 import numpy as np
 
@@ -16,14 +17,16 @@ _ROWS = {0: 1, 2: 1, 3: 16}
 _FLOAT = 2
 
 
-def read_exr(path: Union[str, Path]) -> "np.ndarray":
+def read_exr(
+    path: Union[str, Path], channels: Sequence[str] = ("R", "G", "B")
+) -> "np.ndarray":
     """Returns the picture in a file as an array of ``float32``, ``[row, column, channel]`` with the
-    first row at the top and the channels red, green and blue, in linear radiance.
+    first row at the top. Without ``channels`` these are red, green and blue in linear radiance.
 
     Raises:
-        ValueError: The file is not an OpenEXR file as Lumbre writes it.
+        ValueError: The file is not an OpenEXR file as Lumbre writes it, or lacks a channel.
     """
-    return _decode(Path(path))[0]
+    return _decode(Path(path), channels)[0]
 
 
 def read_metadata(path: Union[str, Path]) -> Dict[str, str]:
@@ -32,14 +35,14 @@ def read_metadata(path: Union[str, Path]) -> Dict[str, str]:
     Raises:
         ValueError: The file is not an OpenEXR file as Lumbre writes it.
     """
-    return _decode(Path(path))[1]
+    return _decode(Path(path), ())[1]
 
 
-def _decode(path: Path) -> Tuple["np.ndarray", Dict[str, str]]:
+def _decode(path: Path, channels: Sequence[str]) -> Tuple["np.ndarray", Dict[str, str]]:
     data = path.read_bytes()
     try:
         attributes, start = _header(data)
-        picture = _pixels(data, attributes, start)
+        picture = _pixels(data, attributes, start, channels) if channels else np.empty(0)
     except (struct.error, IndexError, KeyError, zlib.error) as error:
         raise ValueError(f"{path} is not an OpenEXR file as Lumbre writes it: {error}") from error
     except ValueError as error:
@@ -83,7 +86,7 @@ def _channels(value: bytes) -> Tuple[str, ...]:
 
 
 def _pixels(
-    data: bytes, attributes: Dict[str, Tuple[str, bytes]], start: int
+    data: bytes, attributes: Dict[str, Tuple[str, bytes]], start: int, channels: Sequence[str]
 ) -> "np.ndarray":
     left, top, right, bottom = struct.unpack("<iiii", attributes["dataWindow"][1])
     width, height = right - left + 1, bottom - top + 1
@@ -115,7 +118,7 @@ def _pixels(
         if min(shape) < 1 or len(raw) != expected:
             raise ValueError("a block of pixels has the wrong size")
         planes[y : y + shape[0], :, x : x + shape[2]] = np.frombuffer(raw, "<f4").reshape(shape)
-    order = [names.index(channel) for channel in ("R", "G", "B")]
+    order = [names.index(channel) for channel in channels]
     return np.ascontiguousarray(planes[:, order, :].transpose(0, 2, 1), dtype=np.float32)
 
 

@@ -137,12 +137,27 @@ class Run(_Rendered):
 
     @property
     def films(self) -> List[str]:
-        """Names of the films that are stored beside the picture."""
-        return sorted(file.stem for file in (self.folder / "films").glob("*.exr"))
+        """Names of the films that are stored beside the picture or as layers of its file."""
+        files = [file.stem for file in (self.folder / "films").glob("*.exr")]
+        return sorted({*files, *self._layers()})
 
     def film(self, name: str) -> "np.ndarray":
         """Returns a film, such as ``albedo``, as ``[row, column, channel]``."""
+        layers = self._layers()
+        if name in layers:
+            return read_exr(self.folder / self._PICTURE, layers[name])
         return read_exr(self.folder / "films" / f"{name}.exr")
+
+    def _layers(self) -> Dict[str, List[str]]:
+        """Channels of the layers in the file of the picture, by the name of the film."""
+        if not (self.folder / self._PICTURE).is_file():
+            return {}
+        layers = {}
+        for key, channels in self.metadata.items():
+            if key.startswith("film."):
+                names = [channel.split(" = ")[0] for channel in channels.split(", ")]
+                layers[key[len("film."):]] = names
+        return layers
 
     @property
     def cube(self) -> "np.ndarray":

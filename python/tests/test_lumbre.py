@@ -5,6 +5,7 @@ Environment: ``LUMBRE_ROOT`` is the root of the repository.
 
 import json
 import os
+import shutil
 import struct
 import subprocess
 import tempfile
@@ -94,6 +95,13 @@ class NightTest(Workplace):
         self.assertEqual(plain.films, ["albedo"])
         albedo = plain.film("albedo")
         self.assertTrue((albedo >= 0).all() and albedo.max() <= 1 and albedo.max() > 0.4)
+        self.assertEqual(albedo.shape, plain.picture.shape)
+        # Earlier versions stored files.
+        file = plain.folder / "films" / "bounces.exr"
+        shutil.copy(plain.folder / "final.exr", file)
+        self.assertEqual(plain.films, ["albedo", "bounces"])
+        self.assertTrue((plain.film("bounces") == plain.picture).all())
+        file.unlink()
         self.assertEqual(list(plain.snapshots), [1, 2, 4, 8])
         self.assertTrue((plain.raw == plain.picture).all())
         self.assertFalse((denoised.raw == denoised.picture).all())

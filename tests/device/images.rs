@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 use lumbre_light::film::Film;
-use lumbre_light::film::layer::{LAYERS, Layer};
+use lumbre_light::film::layer::Layer;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{Material, Model, Texture};
 use lumbre_light::scene::desc::CameraKind;
@@ -279,7 +279,7 @@ fn all_kinds_of_cameras_show_the_picture_of_the_cpu() {
 #[test]
 fn layers_and_sobol_samples_are_those_of_the_cpu() {
     let device = or_return!(harness::device());
-    let layers: Vec<Layer> = LAYERS.iter().map(|row| row.layer).collect();
+    let layers = lumbre_vulkan::LAYERS.to_vec();
     // This job has the same pipeline as one in `corners.rs`.
     let job = Job {
         sampler: SOBOL,

@@ -21,6 +21,7 @@ use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::sampler::SOBOL;
 use lumbre_light::transport::time_settings::Timing;
 use lumbre_light::value::Value;
+use lumbre_night::backends;
 use lumbre_render::cpu::renderer::CpuRenderer;
 use lumbre_render::mock::MockRenderer;
 use lumbre_render::worker::{HEARTBEAT, Launcher, WorkerPool};
@@ -393,11 +394,9 @@ fn a_worker_receives_scene_and_job_unchanged() {
 fn a_worker_refuses_unsupported_jobs_like_a_local_renderer_and_keeps_running() {
     let pool = pool();
     let wanted = request().with(|settings| settings.films = vec![Layer::Depth]);
-    let error = pool.open("mock", &scene(), wanted).err().unwrap();
-    assert_eq!(
-        error,
-        RenderError::unsupported("mock", "layers are not supported")
-    );
+    let local = backends::open("mock", scene(), wanted.clone()).err();
+    assert!(matches!(local, Some(RenderError::Unsupported { .. })));
+    assert_eq!(pool.open("mock", &scene(), wanted).err(), local);
     let worker = pool.worker_id().unwrap();
     let mut run = pool.open("mock", &scene(), request()).unwrap();
     assert!(matches!(

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use lumbre_light::film::layer::Layer;
 use lumbre_light::scene::CompiledScene;
 use lumbre_render::backend_choice;
 use lumbre_render::{BackendRow, Job, RenderError, Renderer, cpu, mock};
@@ -28,12 +29,25 @@ pub fn open(
     job: Job,
 ) -> Result<Box<dyn Renderer>, RenderError> {
     match backend(name) {
-        Some(row) => (row.open)(scene, job),
+        Some(row) => match unsupported_layer(row, &job.settings.films) {
+            None => (row.open)(scene, job),
+            Some(reason) => Err(RenderError::unsupported(row.name, reason)),
+        },
         None => Err(RenderError::unsupported(
             "none",
             format!("there is no backend `{name}`"),
         )),
     }
+}
+
+/// Returns why a backend cannot render layers, or `None` if it can.
+pub fn unsupported_layer(row: &BackendRow, layers: &[Layer]) -> Option<String> {
+    let layer = layers.iter().find(|layer| !row.layers.contains(layer))?;
+    Some(format!(
+        "it does not support the layer `{}`, which `films` or `denoise` needs: leave that out, or \
+         use `cpu`",
+        layer.row().name
+    ))
 }
 
 /// Returns the name of the backend that `auto` selects on this machine, and why: `vulkan` on a

@@ -40,7 +40,7 @@ use self::device::devices_line;
 pub use self::device::{Device, DeviceKind, Peer};
 pub use self::settings::Settings;
 use self::shaders::Shaders;
-use lumbre_light::film::layer::LayerFilm;
+use lumbre_light::film::layer::{Layer, LayerFilm, LayerImage};
 use lumbre_light::film::time::TimeCube;
 use lumbre_light::film::{Film, SharedImage};
 use lumbre_light::scene::CompiledScene;
@@ -410,6 +410,22 @@ pub trait Renderer: Send {
         ))
     }
 
+    /// Returns the images of all layers. Only one film's sums at a time are copied.
+    ///
+    /// # Errors
+    /// Returns an error if the backend fails.
+    fn layer_images(&self) -> Result<Vec<LayerImage>, RenderError> {
+        let films = self.layers().iter().enumerate();
+        films
+            .map(|(i, film)| {
+                Ok(LayerImage {
+                    film: *film,
+                    image: film.image(&self.layer(i)?),
+                })
+            })
+            .collect()
+    }
+
     /// Returns the time-resolved film, if the job has a time axis.
     fn times(&self) -> Option<TimeCube> {
         None
@@ -456,8 +472,8 @@ pub struct BackendRow {
     pub doc: &'static str,
     /// Checks whether this machine can use the backend. Returns the device, or the reason why not.
     pub probe: fn() -> Result<String, String>,
-    /// Whether it supports layers. If not, plans that request layers on it are refused.
-    pub layers: bool,
+    /// Layers that it supports. Plans that request others on it are refused.
+    pub layers: &'static [Layer],
     /// Whether it supports time-resolved films and composed materials. If not, plans that request a
     /// time axis or use a scene with such materials on it are refused.
     pub times: bool,

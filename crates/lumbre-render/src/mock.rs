@@ -31,7 +31,7 @@ pub const ROW: BackendRow = BackendRow {
     doc: "Analytic convergence on a fake clock, for testing experiments without rendering.",
     probe: || Ok("a fake clock of 10 million paths per second".into()),
     // It simulates neither paths nor surfaces.
-    layers: false,
+    layers: &[],
     times: false,
     blends: true,
     light_trees: true,

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use super::{Advance, OpenStats, RenderError, Renderer, WaveStats};
 use lumbre_light::film::Film;
-use lumbre_light::film::layer::LayerFilm;
+use lumbre_light::film::layer::{LayerFilm, LayerSource};
 use lumbre_light::film::state::{CheckpointMismatch, write_u64s};
 
 /// Two runs of one job with different seeds, presented as one run whose samples are split evenly;
@@ -92,6 +92,10 @@ impl Renderer for ReferenceHalves {
     }
 
     fn layer(&self, index: usize) -> Result<Film, RenderError> {
+        let film = self.layers().get(index);
+        if film.is_some_and(|film| matches!(film.layer.row().source, LayerSource::FirstIndex(_))) {
+            return self.halves[0].layer(index);
+        }
         let [first, second] = [0, 1].map(|i: usize| self.halves[i].layer(index));
         Ok(Film::pooled(&first?, &second?))
     }

@@ -1,4 +1,4 @@
-//! OpenEXR files: linear `f32` RGB with metadata as text attributes.
+//! OpenEXR files: linear `f32` RGB with metadata as text attributes, and layers in further channels.
 //!
 //! Files are written as tiles of 64 x 64 pixels with ZIP compression. Equal input gives
 //! equal bytes. Reading uses [`openexr`], which scenes use too.
@@ -9,13 +9,25 @@ use std::io::Cursor;
 use exr::meta::attribute::{AttributeValue, Text};
 use exr::prelude::{
     AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image as ExrImage,
-    ImageAttributes, IntegerBounds, Layer, LayerAttributes, LineOrder, SpecificChannels,
-    WritableImage,
+    ImageAttributes, IntegerBounds, Layer, LayerAttributes, LineOrder, WritableImage,
 };
 
 use super::{OutputError, PREFIX, check_shape};
 use lumbre_light::film::Image;
+use lumbre_light::film::layer::LayerImage;
 use lumbre_scene_io::load::openexr;
+
+/// Content of a picture's file beside its pixels and text, under the names that pbrt-v4 writes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Extras<'a> {
+    /// Layers of the same size, stored in the channels of
+    /// [`LayerRow::exr`](lumbre_light::film::layer::LayerRow::exr); those without are left out.
+    pub layers: &'a [LayerImage],
+    /// Samples per pixel: the attribute `samplesPerPixel`.
+    pub samples: Option<u64>,
+    /// Render time in seconds: the attribute `renderTimeSeconds`.
+    pub render_s: Option<f64>,
+}
 
 /// Encodes an image as EXR with the channels R, G and B as `f32`. Each pair of `meta` becomes a
 /// text attribute `lumbre.<key>`. Keys must be unique and not empty.
@@ -23,10 +35,53 @@ use lumbre_scene_io::load::openexr;
 /// # Errors
 /// Returns an error if the image has no pixels, a key is invalid, or the encoder fails.
 pub fn encode(image: &Image, meta: &[(String, String)]) -> Result<Vec<u8>, OutputError> {
+    encode_with(image, &Extras::default(), meta)
+}
+
+/// Encodes an image like [`encode`], with `extras` in the same file. The text attribute
+/// `lumbre.film.<name>` of a layer has its channels with their meaning: `Albedo.R = red, ...`.
+///
+/// # Errors
+/// Returns the errors of [`encode`], and one for a layer of another size.
+pub fn encode_with(
+    image: &Image,
+    extras: &Extras<'_>,
+    meta: &[(String, String)],
+) -> Result<Vec<u8>, OutputError> {
     let fail = |reason: String| OutputError::ExrWrite { reason };
     check_shape(image)?;
+    let size = (image.width as usize, image.height as usize);
+    let mut channels: Vec<_> = RGB
+        .iter()
+        .zip(0..)
+        .map(|(n, c)| channel(n, image, c))
+        .collect();
+    let mut texts = meta.to_vec();
+    for LayerImage { film, image } in extras.layers {
+        let row = film.layer.row();
+        if row.exr.is_empty() {
+            continue;
+        }
+        if (image.width as usize, image.height as usize) != size {
+            return Err(fail(format!(
+                "the layer `{}` has another size",
+                film.name()
+            )));
+        }
+        channels.extend(
+            row.exr
+                .iter()
+                .zip(0..)
+                .map(|(name, c)| channel(name, image, c)),
+        );
+        let meanings = row.exr.iter().zip(row.channels);
+        let meanings: Vec<String> = meanings
+            .map(|(name, is)| format!("{name} = {is}"))
+            .collect();
+        texts.push((format!("film.{}", film.name()), meanings.join(", ")));
+    }
     let mut attributes = LayerAttributes::default();
-    for (key, value) in meta {
+    for (key, value) in &texts {
         if key.is_empty() || key.contains('\0') {
             return Err(fail(format!("`{key}` is not a valid attribute name")));
         }
@@ -36,17 +91,21 @@ pub fn encode(image: &Image, meta: &[(String, String)]) -> Result<Vec<u8>, Outpu
             return Err(fail(format!("two attributes are named `{key}`")));
         }
     }
-    let encoding = Encoding {
-        compression: Compression::ZIP16,
-        line_order: LineOrder::Increasing,
-        ..Encoding::default()
-    };
-    let size = (image.width as usize, image.height as usize);
-    let channels = SpecificChannels::rgb(|at: exr::math::Vec2<usize>| {
-        let [r, g, b] = image.data[at.y() * size.0 + at.x()];
-        (r, g, b)
-    });
-    let file = ExrImage::from_layer(Layer::new(size, attributes, encoding, channels));
+    let samples = extras.samples.map(|n| i32::try_from(n).unwrap_or(i32::MAX));
+    let numbers = [
+        ("samplesPerPixel", samples.map(AttributeValue::I32)),
+        (
+            "renderTimeSeconds",
+            extras.render_s.map(|s| AttributeValue::F32(s as f32)),
+        ),
+    ];
+    for (name, value) in numbers {
+        attributes
+            .other
+            .extend(value.map(|value| (Text::from(name), value)));
+    }
+    let channels = AnyChannels::sort(channels.into_iter().collect());
+    let file = ExrImage::from_layer(Layer::new(size, attributes, ENCODING, channels));
     let mut bytes = Vec::new();
     file.write()
         .non_parallel()
@@ -55,6 +114,22 @@ pub fn encode(image: &Image, meta: &[(String, String)]) -> Result<Vec<u8>, Outpu
     sort_attributes(&mut bytes)
         .ok_or_else(|| fail("the encoder wrote a header in an unknown format".to_owned()))?;
     Ok(bytes)
+}
+
+/// Names of the colour channels.
+const RGB: [&str; 3] = ["R", "G", "B"];
+
+/// Compression and order of all files; tiles have 64 x 64 pixels.
+const ENCODING: Encoding = Encoding {
+    compression: Compression::ZIP16,
+    line_order: LineOrder::Increasing,
+    ..Encoding::FAST_LOSSLESS
+};
+
+/// Returns a channel of a file with the values of channel `c` of an image.
+fn channel(name: &str, image: &Image, c: usize) -> AnyChannel<FlatSamples> {
+    let samples: Vec<f32> = image.data.iter().map(|pixel| pixel[c]).collect();
+    AnyChannel::new(name, FlatSamples::F32(samples))
 }
 
 /// Encodes images of equal size as one EXR file, each as a named layer with channels R, G and B.
@@ -70,11 +145,6 @@ pub fn encode_layers(layers: Vec<(String, Image)>) -> Result<Vec<u8>, OutputErro
     else {
         return Err(fail("there are no layers to write".to_owned()));
     };
-    let encoding = Encoding {
-        compression: Compression::ZIP16,
-        line_order: LineOrder::Increasing,
-        ..Encoding::default()
-    };
     let mut made = Vec::with_capacity(layers.len());
     for (name, image) in layers {
         check_shape(&image)?;
@@ -83,17 +153,13 @@ pub fn encode_layers(layers: Vec<(String, Image)>) -> Result<Vec<u8>, OutputErro
                 "the size of layer `{name}` differs from that of the first layer"
             )));
         }
-        let channel = |name: &str, c: usize| {
-            let samples: Vec<f32> = image.data.iter().map(|pixel| pixel[c]).collect();
-            AnyChannel::new(name, FlatSamples::F32(samples))
-        };
-        let channels = AnyChannels::sort(
-            [channel("R", 0), channel("G", 1), channel("B", 2)]
-                .into_iter()
-                .collect(),
-        );
+        let channels = RGB
+            .iter()
+            .zip(0..)
+            .map(|(name, c)| channel(name, &image, c));
+        let channels = AnyChannels::sort(channels.collect());
         let attributes = LayerAttributes::named(Text::from_slice_unchecked(name.as_bytes()));
-        made.push(Layer::new(size, attributes, encoding, channels));
+        made.push(Layer::new(size, attributes, ENCODING, channels));
     }
     let attributes = ImageAttributes::new(IntegerBounds::from_dimensions(size));
     let mut bytes = Vec::new();
@@ -136,9 +202,8 @@ fn sort_attributes(bytes: &mut [u8]) -> Option<()> {
 /// pixels, or more than 2^20 and 2048 for each byte of the file, which is more than the compression
 /// of pictures of one colour achieves.
 pub fn decode(bytes: &[u8]) -> Result<(Image, Vec<(String, String)>), OutputError> {
-    let max_pixels = (bytes.len() * 2048 + (1 << 20)).min(1 << 28);
-    let (image, texts) =
-        openexr::decode(bytes, max_pixels).map_err(|reason| OutputError::ExrRead { reason })?;
+    let (image, texts) = openexr::decode(bytes, max_pixels(bytes))
+        .map_err(|reason| OutputError::ExrRead { reason })?;
     let without_prefix = |(name, text): (String, String)| match name.strip_prefix(PREFIX) {
         Some(key) => (key.to_owned(), text),
         None => (name, text),
@@ -147,12 +212,29 @@ pub fn decode(bytes: &[u8]) -> Result<(Image, Vec<(String, String)>), OutputErro
     Ok((image, meta.into_iter().collect()))
 }
 
+/// Decodes a group of channels, such as `Albedo`, or the single channel of this name.
+///
+/// # Errors
+/// Returns the errors of [`decode`], and one if the file has no such channels.
+pub fn decode_group(bytes: &[u8], group: &str) -> Result<Image, OutputError> {
+    let images = openexr::decode_channels(bytes, max_pixels(bytes), &[group]);
+    images
+        .map(|mut images| images.remove(0))
+        .map_err(|reason| OutputError::ExrRead { reason })
+}
+
+/// Returns the greatest number of pixels of a file.
+fn max_pixels(bytes: &[u8]) -> usize {
+    (bytes.len() * 2048 + (1 << 20)).min(1 << 28)
+}
+
 #[cfg(test)]
 mod tests {
     use std::io::Write;
     use std::path::PathBuf;
 
-    use exr::prelude::f16;
+    use exr::prelude::{ReadChannels, ReadLayers, SpecificChannels, f16, read};
+    use lumbre_light::film::layer::{Layer as Kind, LayerLayout};
 
     use super::*;
 
@@ -238,6 +320,89 @@ mod tests {
                 ("b".into(), Image::new(2, 3))
             ])
             .is_err()
+        );
+    }
+
+    /// Layers whose values tell film, pixel and channel apart.
+    fn films(layers: &[Kind]) -> Vec<LayerImage> {
+        let layout = LayerLayout::new(layers, 1, 1).unwrap();
+        let films = layout.films().iter().zip(1..);
+        let image = |k: i32| {
+            Image::from_fn(37, 41, |x, y| {
+                [0.0, 0.25, 0.5].map(|c| (k * 10_000 + (y * 37 + x) as i32) as f32 + c)
+            })
+        };
+        films
+            .map(|(film, k)| LayerImage {
+                film: *film,
+                image: image(k),
+            })
+            .collect()
+    }
+
+    #[test]
+    fn layers_are_channels_of_the_picture_under_the_names_of_pbrt() {
+        let layers = films(&[
+            Kind::Depth,
+            Kind::Albedo,
+            Kind::Normal,
+            Kind::Position,
+            Kind::Uv,
+            Kind::PrimIndex,
+            Kind::Variance,
+        ]);
+        let extras = Extras {
+            layers: &layers,
+            samples: Some(64),
+            render_s: Some(1.5),
+        };
+        let bytes = encode_with(&picture(), &extras, &meta()).unwrap();
+        let file = read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .all_channels()
+            .all_layers()
+            .all_attributes();
+        let file = file.from_buffered(Cursor::new(&bytes)).unwrap();
+        let names: Vec<String> = file.layer_data[0]
+            .channel_data
+            .list
+            .iter()
+            .map(|c| c.name.to_string())
+            .collect();
+        let expected = "Albedo.B Albedo.G Albedo.R B G Ns.X Ns.Y Ns.Z P.X P.Y P.Z PrimIndex R Variance.B Variance.G Variance.R u v";
+        assert_eq!(names.join(" "), expected);
+        let attributes = &file.layer_data[0].attributes.other;
+        let attribute = |name: &str| attributes[&Text::from(name)].clone();
+        assert_eq!(attribute("samplesPerPixel"), AttributeValue::I32(64));
+        assert_eq!(attribute("renderTimeSeconds"), AttributeValue::F32(1.5));
+        let uv = AttributeValue::Text(Text::from("u = u, v = v"));
+        assert_eq!(attribute("lumbre.film.uv"), uv);
+        let (image, _) = decode(&bytes).unwrap();
+        assert_eq!(image, picture(), "layers do not change the picture");
+        for (group, layer) in [("Albedo", 1), ("Ns", 2), ("P", 3), ("Variance", 6)] {
+            assert_eq!(
+                decode_group(&bytes, group).unwrap(),
+                layers[layer].image,
+                "{group}"
+            );
+        }
+        let index = decode_group(&bytes, "PrimIndex").unwrap();
+        assert_eq!(index.at(3, 2)[0], layers[5].image.at(3, 2)[0]);
+        assert!(decode_group(&bytes, "Rays").is_err());
+        let plain = encode(&picture(), &meta()).unwrap();
+        assert!(decode_group(&plain, "Albedo").is_err());
+        let other = [LayerImage {
+            image: Image::new(2, 2),
+            ..layers[1].clone()
+        }];
+        let extras = Extras {
+            layers: &other,
+            ..extras
+        };
+        assert!(
+            encode_with(&picture(), &extras, &[]).is_err(),
+            "another size"
         );
     }
 

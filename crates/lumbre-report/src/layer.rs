@@ -3,6 +3,7 @@
 use super::{OutputError, check_shape, png};
 use lumbre_light::film::Image;
 use lumbre_light::film::layer::{LayerDisplay, LayerImage};
+use lumbre_light::math::rng::pcg4d;
 use lumbre_metrics::tonemap::Tonemap;
 
 /// Colour map from 0 to the maximum as evenly spaced 8-bit sRGB values: black, violet, red, orange,
@@ -19,7 +20,8 @@ const HEAT: [[f32; 3]; 7] = [
 
 /// Encodes a layer as PNG. Radiance is tone-mapped by `display`. Scalars use a colour map from 0 to
 /// their maximum, which is stored as `lumbre.scale` in the metadata. Reflectance uses the sRGB
-/// transfer curve. Directions are shown as `0.5 n + 0.5`.
+/// transfer curve. Directions are shown as `0.5 n + 0.5`, numbers of any range from the least to the
+/// greatest of their channel, and every index in a colour of its own.
 ///
 /// # Errors
 /// Returns the errors of [`png::encode`].
@@ -69,11 +71,32 @@ pub fn display_values(layer: &LayerImage, display: Tonemap) -> Image {
             let scale = maximum(image);
             each(&|[x, ..]| heat_colour(if scale > 0.0 { x / scale } else { 0.0 }))
         }
+        LayerDisplay::Range => {
+            let ranges = [0, 1, 2].map(|c| {
+                let values = image.data.iter().map(|p| p[c]);
+                let low = values.clone().fold(f32::INFINITY, f32::min);
+                (
+                    low,
+                    (values.fold(low, f32::max) - low).max(f32::MIN_POSITIVE),
+                )
+            });
+            each(&|p| [0, 1, 2].map(|c| ((p[c] - ranges[c].0) / ranges[c].1).clamp(0.0, 1.0)))
+        }
+        LayerDisplay::Index => each(&|[index, ..]| index_colour(index)),
     }
 }
 
 fn maximum(image: &Image) -> f32 {
     image.data.iter().map(|p| p[0]).fold(0.0, f32::max)
+}
+
+/// Returns the colour of an index, a hash of it; -1 is black.
+fn index_colour(index: f32) -> [f32; 3] {
+    if index < 0.0 {
+        return [0.0; 3];
+    }
+    let [r, g, b, _] = pcg4d([index as u32, 0, 0, 0]);
+    [r, g, b].map(|hash| 0.15 + 0.85 * (hash >> 24) as f32 / 255.0)
 }
 
 /// Returns the colour for a fraction in 0..=1 of the maximum.
@@ -137,6 +160,15 @@ mod tests {
             [[0; 3]; 2],
             "without light the scale is empty"
         );
+        assert_eq!(
+            pixels(&layer(
+                Layer::Position,
+                &[[-2.0, 5.0, 0.0], [2.0, 5.0, 1.0]]
+            )),
+            [[0; 3], [255, 0, 255]]
+        );
+        let [none, first, second] = [-1.0, 0.0, 1.0].map(index_colour);
+        assert!(none == [0.0; 3] && first != second && first != none);
     }
 
     #[test]

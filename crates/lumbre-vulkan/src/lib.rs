@@ -27,6 +27,7 @@ use std::sync::Arc;
 
 use context::physical_device::DeviceInfo;
 use error::VulkanError;
+use lumbre_light::film::layer::Layer;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::transport::integrator::IntegratorRow;
 use lumbre_render::backend_choice;
@@ -38,6 +39,18 @@ use pipelines::program::TracingMode;
 use pipelines::sources::Sources;
 use renderer::VulkanRenderer;
 
+/// Layers that the shaders compute. Others of the first hit are computed on the CPU alone.
+pub const LAYERS: &[Layer] = &[
+    Layer::Depth,
+    Layer::Strategies,
+    Layer::Bounces,
+    Layer::Rays,
+    Layer::Albedo,
+    Layer::Normal,
+    Layer::Distance,
+    Layer::Variance,
+];
+
 /// Declares the table row of the backend of a tracing mode; `accel` is whether it traverses a BVH
 /// built on the CPU.
 macro_rules! row {
@@ -46,7 +59,7 @@ macro_rules! row {
             name: $name,
             doc: $doc,
             probe: || probe(TracingMode::$mode),
-            layers: true,
+            layers: LAYERS,
             times: true,
             blends: false,
             light_trees: false,

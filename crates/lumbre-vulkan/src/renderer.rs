@@ -24,7 +24,7 @@ use super::schedule::dispatch_size::{
 use super::schedule::pixel_samples::PixelSamples;
 use super::schedule::submission::{Span, Submission};
 use lumbre_light::film::Film;
-use lumbre_light::film::layer::LayerFilm;
+use lumbre_light::film::layer::{LayerFilm, LayerSource};
 use lumbre_light::film::state::{StateReader, write_u64s};
 use lumbre_light::film::time::TimeCube;
 use lumbre_light::scene::CompiledScene;
@@ -521,13 +521,18 @@ impl Renderer for VulkanRenderer {
     }
 
     fn layer(&self, index: usize) -> Result<Film, RenderError> {
-        if index >= self.films.layers().len() {
-            let reason = format!("layer film {index} does not exist");
-            return Err(RenderError::failed(self.kind.backend(), reason));
+        let film = self.films.layers().get(index);
+        match film.map(|film| film.layer.row().source) {
+            Some(LayerSource::Variance) => Ok(self.film.clone()),
+            Some(_) => self
+                .films
+                .layer(index, self.film.samples)
+                .map_err(|e| into_render_error(self.kind, e)),
+            None => {
+                let reason = format!("layer film {index} does not exist");
+                Err(RenderError::failed(self.kind.backend(), reason))
+            }
         }
-        self.films
-            .layer(index, self.film.samples)
-            .map_err(|e| into_render_error(self.kind, e))
     }
 
     fn times(&self) -> Option<TimeCube> {

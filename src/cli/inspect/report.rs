@@ -14,10 +14,10 @@ use lumbre_light::film::Image;
 use lumbre_night::experiment::night::Night;
 use lumbre_night::store::read::night::read_night;
 use lumbre_night::store::{self, Evidence};
-use lumbre_report::picture;
 use lumbre_report::report::{
     self, ItemKind, Report, ReportContext, ReportError, ReportItem, ReportOptions, Study,
 };
+use lumbre_report::{exr, picture};
 
 /// Runs `lumbre report`: builds a report and writes its files.
 pub fn main(args: &ReportArgs, global: &Global) -> Result<Exit, Failure> {
@@ -81,7 +81,11 @@ pub(in crate::cli) fn build(
         again += &format!(" --to {}", quoted(&display_path(to)));
     }
     let context = ReportContext {
-        pictures: &|path| read_picture(path, evidence),
+        pictures: &|path, group| match group {
+            None => read_picture(path, evidence),
+            Some(group) => exr::decode_group(&evidence.read(path)?, group)
+                .map_err(|e| format!("{}: {e}", path.display())),
+        },
         bytes: &|path| evidence.read(path),
         problems: &|| evidence.problems(),
         link: &link,

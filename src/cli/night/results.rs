@@ -98,7 +98,7 @@ fn write_sheets(store: &Store, plan: &Plan) -> Result<(), Failure> {
     let evidence = Evidence::default();
     let night = read_night(store.folder(), &evidence).map_err(Failure::internal)?;
     let files = RunFiles {
-        pictures: &|path| read_picture(path, &evidence),
+        pictures: &|path, _| read_picture(path, &evidence),
         bytes: &|path| evidence.read(path),
     };
     let mut notes = Vec::new();

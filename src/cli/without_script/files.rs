@@ -87,18 +87,20 @@ impl OutputFile {
         folder_of(&self.path)
     }
 
-    /// Encodes a picture in this file's format. `display` is the tone map of PNG files.
+    /// Encodes a picture in this file's format. `extras` are stored in OpenEXR files, `display` is
+    /// the tone map of PNG files.
     ///
     /// # Errors
     /// Returns a message if the encoder fails.
     pub fn encode(
         &self,
         image: &Image,
+        extras: &exr::Extras<'_>,
         display: Tonemap,
         metadata: &[(String, String)],
     ) -> Result<Vec<u8>, String> {
         match self.format {
-            Format::Exr => exr::encode(image, metadata).map_err(|e| e.to_string()),
+            Format::Exr => exr::encode_with(image, extras, metadata).map_err(|e| e.to_string()),
             Format::Png => png::encode(image, display, metadata).map_err(|e| e.to_string()),
             Format::Hdr => encode_hdr(image).map_err(|e| e.to_string()),
         }
@@ -148,7 +150,9 @@ mod tests {
         let display = Tonemap::Srgb { exposure: 0.0 };
         for (extension, _) in FORMATS {
             let output = OutputFile::new(format!("a.{extension}").into()).unwrap();
-            let bytes = output.encode(&image, display, &[]).unwrap();
+            let bytes = output
+                .encode(&image, &exr::Extras::default(), display, &[])
+                .unwrap();
             let decoded = picture::decode(&bytes).unwrap();
             assert_eq!(decoded.format, extension);
             for (a, b) in std::iter::zip(&decoded.image.data, &image.data) {

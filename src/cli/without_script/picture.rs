@@ -22,6 +22,7 @@ use lumbre_night::experiment::{Cell, NightControls, memory};
 use lumbre_render::denoise::{self, Denoise};
 use lumbre_render::external::{self, Access};
 use lumbre_render::{Job, Picture, RenderError, Renderer, WaveStats};
+use lumbre_report::exr;
 use lumbre_tui::tui::live_picture::LivePicture;
 
 /// Samples per pixel if neither `--spp` nor `--time` is given.
@@ -48,6 +49,14 @@ pub fn main(args: &RenderArgs, global: &Global) -> Result<Exit, Failure> {
     let [cell] = &plan.cells[..] else {
         return Err(Failure::internal("the plan has more than one cell"));
     };
+    let mut films = cell.config.films.iter();
+    if let Some(layer) = films.find(|layer| layer.row().exr.is_empty()) {
+        return Err(Failure::usage(format!(
+            "the layer `{}` has several pictures, for which `lumbre render` writes no files: leave \
+             it out of `films`, or render by a script",
+            layer.row().name
+        )));
+    }
     let controls = Arc::new(NightControls::default());
     let stop_signal = signals::install(Arc::clone(&controls))?;
     let display = Tonemap::Srgb {
@@ -69,11 +78,19 @@ pub fn main(args: &RenderArgs, global: &Global) -> Result<Exit, Failure> {
         ..
     } = session;
     drop(preview);
-    let image = picture.image;
     let film = renderer.film();
     let metadata = metadata(args, cell, film);
+    let layers = renderer.layer_images().map_err(Failure::internal)?;
+    let extras = exr::Extras {
+        layers: &layers,
+        samples: Some(film.samples),
+        render_s: Some(done.render_s),
+    };
     for output in &outputs {
-        write(output, &image, display, &metadata)?;
+        let bytes = output
+            .encode(&picture.image, &extras, display, &metadata)
+            .map_err(Failure::internal)?;
+        lumbre_night::store::write_atomically(&output.path, &bytes).map_err(Failure::internal)?;
     }
     let paths: Vec<String> = outputs.iter().map(|o| display_path(&o.path)).collect();
     if !global.quiet {
@@ -315,18 +332,6 @@ fn metadata(args: &RenderArgs, cell: &Cell, film: &Film) -> Vec<(String, String)
 /// Describes the denoiser of a picture, if it has one.
 fn denoised_by(cell: &Cell) -> Option<String> {
     cell.config.denoise.as_ref().map(Denoise::describe)
-}
-
-fn write(
-    output: &files::OutputFile,
-    image: &Image,
-    display: Tonemap,
-    metadata: &[(String, String)],
-) -> Result<(), Failure> {
-    let bytes = output
-        .encode(image, display, metadata)
-        .map_err(Failure::internal)?;
-    lumbre_night::store::write_atomically(&output.path, &bytes).map_err(Failure::internal)
 }
 
 #[cfg(test)]

@@ -186,6 +186,7 @@ fn every_field_that_affects_a_picture_or_its_measurements_changes_the_id() {
             p.lab.spec.measure.every_s = 0.75
         }),
         ("captures", |p| p.lab.spec.measure.captures = true),
+        ("film files", |p| p.lab.spec.measure.film_files = true),
         ("fallback of the backend", |p| {
             p.config.fallback = Some("cpu")
         }),

@@ -27,10 +27,11 @@ fn table() -> String {
             .filter(|i| (row.refuses)(i, &Shaders::BuiltIn).is_none())
             .map(|i| i.name);
         let samplers = SAMPLERS.iter().map(|s| s.name);
-        let layers = if row.layers {
-            format!("all {}", LAYERS.len())
-        } else {
-            "none".to_owned()
+        let layers: Vec<&str> = row.layers.iter().map(|layer| layer.row().name).collect();
+        let layers = match layers.len() {
+            0 => "none".to_owned(),
+            n if n == LAYERS.len() => format!("all {n}"),
+            _ => layers.join(", "),
         };
         let times = if row.times { "yes" } else { "no" };
         let accel = if row.accel { "as asked" } else { "its own" };

@@ -174,7 +174,7 @@ fn wrong_settings_and_backends_without_films_are_refused() {
         (
             "backend = \"cpu\"",
             "backend = \"mock\"",
-            "does not support layers",
+            "does not support the layer `albedo`",
         ),
     ] {
         place.write("clean.lua", &NIGHT.replace(from, to));

@@ -146,15 +146,17 @@ return x
     .unwrap();
     succeed(&place, &["run", "peers.lua", "--allow-commands", "-q"]);
     assert_eq!(place.read("filter"), "gaussian 1.5\n");
-    for (layer, expected) in [
-        ("albedo", [0.25, 0.25, 0.25]),
-        ("distance", [3.0, 1.0, 0.0]),
+    for (layer, group, expected) in [
+        ("albedo", "Albedo", [0.25; 3]),
+        ("distance", "Distance.Z", [3.0; 3]),
+        ("distance", "Distance.A", [1.0; 3]),
     ] {
-        let name = format!("films/{layer}.exr");
-        let file = place.first_ending("out", &name);
-        let bytes = std::fs::read(place.path(&file)).unwrap();
-        let (image, _) = lumbre_report::exr::decode(&bytes).unwrap();
-        assert_eq!(image.at(3, 4), expected, "{layer}");
+        let files = place.files("out").into_iter();
+        let path = format!("layer={layer}/");
+        let mut files = files.filter(|file| file.contains(&path) && file.ends_with("final.exr"));
+        let bytes = std::fs::read(place.path(&files.next().unwrap())).unwrap();
+        let image = lumbre_report::exr::decode_group(&bytes, group).unwrap();
+        assert_eq!(image.at(3, 4), expected, "{group}");
     }
     for (change, expected) in [
         ("layer=normal", "declares no layer `normal`"),

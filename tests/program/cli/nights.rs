@@ -1,5 +1,7 @@
 //! Whole nights: the files that they write, and the effect of running a script twice.
 
+use lumbre_report::exr;
+
 use super::workplace::Workplace;
 
 #[test]
@@ -108,7 +110,7 @@ fn a_run_folder_holds_its_configuration_results_and_log() {
     );
 
     let bytes = std::fs::read(place.path(&format!("{folder}/final.exr"))).unwrap();
-    let (image, metadata) = lumbre_report::exr::decode(&bytes).unwrap();
+    let (image, metadata) = exr::decode(&bytes).unwrap();
     assert_eq!((image.width, image.height), (24, 16));
     let metadata_value = |name: &str| {
         metadata
@@ -329,8 +331,8 @@ return x
     };
     assert_eq!(
         (count(".exr"), count(".png")),
-        (13, 13 + 3),
-        "13 layers and 3 sheets; references have no layers"
+        (12, 13 + 3),
+        "13 layers, of which normals are in the picture, and 3 sheets; references have no layers"
     );
     let shown = place.succeed(&["show", folder]);
     assert!(
@@ -340,7 +342,7 @@ return x
 
     let read = |name: &str| {
         let bytes = std::fs::read(place.path(&format!("{folder}/{name}.exr"))).unwrap();
-        lumbre_report::exr::decode(&bytes).unwrap()
+        exr::decode(&bytes).unwrap()
     };
     let (whole, _) = read("final");
     let ((first, facts), (second, _)) = (read("films/depth-1"), read("films/depth-2"));
@@ -351,6 +353,9 @@ return x
     for ((a, b), sum) in first.data.iter().zip(&second.data).zip(&whole.data) {
         assert!((0..3).all(|c| (a[c] + b[c] - sum[c]).abs() <= 1e-5 * sum[c]));
     }
+
+    let bytes = std::fs::read(place.path(&format!("{folder}/final.exr"))).unwrap();
+    assert!(exr::decode_group(&bytes, "Ns").is_ok());
 
     // The same films in another order give the same run; other films give another run with the same
     // reference.
@@ -368,6 +373,52 @@ return x
     place.succeed(&["run", "layers.lua", "-q"]);
     assert_eq!(place.ending("out", "/ref.json").len(), 1);
     assert_eq!(place.finished().len(), 2);
+}
+
+#[test]
+fn films_in_files_of_their_own_are_those_in_the_picture() {
+    let place = Workplace::new();
+    let mut found = Vec::new();
+    for keep in ["picture", "files"] {
+        let script = format!(
+            r#"
+local x = experiment("films", {{ seed = 7 }})
+x:render(function(p)
+  return {{ scene = "ball.scn", integrator = "nee", max_depth = 3, resolution = {{ 24, 16 }}, backend = "cpu",
+    films = {{ "normal", "bounces" }} }}
+end)
+x:measure {{ keep = {{ films = "{keep}" }} }}
+x:stop(stop.samples(8))
+return x
+"#
+        );
+        place.write("films.lua", &script);
+        place.succeed(&["run", "films.lua", "-q", "--out", keep]);
+        place.succeed(&["report", "--out", keep, "--to", &format!("{keep}/page")]);
+        let files = place.files(keep);
+        let ending = |end: &str| files.iter().find(|file| file.ends_with(end));
+        let bytes = |end: &str| std::fs::read(place.path(ending(end).unwrap())).unwrap();
+        let normals = match ending("films/normal.exr") {
+            None => exr::decode_group(&bytes("final.exr"), "Ns").unwrap(),
+            Some(_) => exr::decode(&bytes("films/normal.exr")).unwrap().0,
+        };
+        let is_map = |file: &&String| file.contains("/bounces") && file.ends_with(".svg");
+        let map = place.read(files.iter().find(is_map).unwrap());
+        let map = map.split("base64,").nth(1).unwrap().split('"').next();
+        found.push((
+            ending("films/normal.exr").is_some(),
+            exr::decode(&bytes("final.exr")).unwrap().0,
+            normals,
+            bytes("films/normal.png").len(),
+            map.unwrap().to_owned(),
+        ));
+    }
+    assert!(!found[0].0 && found[1].0);
+    found[0].0 = true;
+    assert!(
+        found[0] == found[1],
+        "picture, normals, or the figure of the report differ"
+    );
 }
 
 #[test]
@@ -393,7 +444,7 @@ fn unsupported_layers_are_refused_while_planning() {
     let error = with(r#"films = "depths""#);
     assert!(error.contains("did you mean `depth`"), "{error}");
     let error = with(r#"films = "depth", backend = "mock""#);
-    assert!(error.contains("does not support layers"), "{error}");
+    assert!(error.contains("not support the layer `depth`"), "{error}");
     let error = with(r#"films = "strategies", max_depth = 50, resolution = { 4096, 4096 }"#);
     assert!(
         error.contains("8 GiB") && error.contains("lower max_depth"),

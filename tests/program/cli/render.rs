@@ -53,9 +53,35 @@ fn a_picture_is_written_with_its_settings_and_has_the_same_bits_again() {
     assert_eq!(found["samples"], 8, "{found}");
     assert_eq!(found["files"][0], "a.exr");
     assert!(found["relative_noise"].as_f64().unwrap() > 0.0 && found["version"] == 1);
+    // The render time, an attribute of the file, differs.
     let mut threads = settings.to_vec();
     threads.extend(["--threads", "3"]);
-    assert_eq!(render(&place, &threads).1, bytes);
+    assert_eq!(decode(&render(&place, &threads).1), (image, metadata));
+}
+
+#[test]
+fn layers_are_channels_of_the_picture() {
+    let place = Workplace::new();
+    let (_, plain) = render(&place, &["--spp", "4"]);
+    let films = "films=[\"albedo\",\"shape_index\",\"variance\"]";
+    let (_, bytes) = render(&place, &["--spp", "4", films]);
+    assert_eq!(decode(&bytes).0, decode(&plain).0);
+    let range = |group: &str| {
+        let image = exr::decode_group(&bytes, group).unwrap();
+        let values = image.data.as_flattened().iter().copied();
+        let least = values.clone().fold(f32::INFINITY, f32::min);
+        [least, values.fold(least, f32::max)]
+    };
+    assert_eq!(range("ShapeIndex"), [-1.0, 0.0]);
+    let ([low, high], [least, most]) = (range("Albedo"), range("Variance"));
+    assert!(low == 0.0 && high > 0.1 && high <= 1.0 && least == 0.0 && most > 0.0);
+    let refused = place.run(&["render", "ball.scn", "films=depth"]);
+    assert_eq!(refused.status, 2);
+    assert!(
+        refused.stderr.contains("several pictures"),
+        "{}",
+        refused.stderr
+    );
 }
 
 #[test]

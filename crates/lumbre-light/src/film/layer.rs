@@ -2,18 +2,19 @@
 //! strategy; others record what the camera sees first.
 //!
 //! Scripts select layers by the names in [`LAYERS`]. The first three kinds are made from the very
-//! contributions that make the picture, so the films of one kind add up to it. All others are
-//! computed from the sample's own camera ray.
+//! contributions that make the picture, so the films of one kind add up to it. All others but
+//! [`Layer::Variance`] are computed from the sample's own camera ray.
 
 use std::iter::once;
 
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use super::{Film, Image};
 
 /// Kind of a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "snake_case")]
 pub enum Layer {
     /// Radiance by path length.
     Depth,
@@ -29,6 +30,52 @@ pub enum Layer {
     Normal,
     /// Distance to the first surface.
     Distance,
+    /// Position of the first surface.
+    Position,
+    /// Texture coordinates of the first surface.
+    Uv,
+    /// Index of the object that the first sample hits.
+    ShapeIndex,
+    /// Index of the primitive that the first sample hits, in its object.
+    PrimIndex,
+    /// Sample variance of the picture.
+    Variance,
+}
+
+/// First surface that the camera ray of a sample hits.
+#[derive(Clone, Copy, Debug)]
+pub struct FirstHit {
+    /// Base colour, textures included.
+    pub albedo: Vec3,
+    /// Unit shading normal in world space, on the side of the camera.
+    pub normal: Vec3,
+    /// Distance along the ray, in scene units.
+    pub distance: f32,
+    /// Position in world space, in scene units.
+    pub position: Vec3,
+    /// Texture coordinates before tiling.
+    pub uv: [f32; 2],
+    /// Index of its object in the description of the scene.
+    pub shape: u32,
+    /// Index of its primitive in that object.
+    pub primitive: u32,
+}
+
+/// Origin of the values of a layer.
+#[derive(Clone, Copy, Debug)]
+pub enum LayerSource {
+    /// Contributions to the picture, splats included.
+    Contributions,
+    /// Number of rays of each sample.
+    Rays,
+    /// Value of the first surface of each sample; zero for a sample that hits nothing.
+    FirstHit(fn(&FirstHit) -> Vec3),
+    /// Index of the first surface of the pixel's first sample, since a mean of indices has no
+    /// meaning. The sum of a film is the index plus one, and zero where nothing is hit.
+    FirstIndex(fn(&FirstHit) -> u32),
+    /// Sums of the picture itself, whose sample variance it shows. Such films have no sums of their
+    /// own, and follow all others.
+    Variance,
 }
 
 /// Display of a layer as a picture.
@@ -42,6 +89,10 @@ pub enum LayerDisplay {
     Reflectance,
     /// Components of a unit vector, displayed as `0.5 n + 0.5` without a transfer curve.
     Direction,
+    /// Numbers of any range, each channel displayed from its least to its greatest value.
+    Range,
+    /// Indices in the first channel, each displayed in a colour of its own; -1 is black.
+    Index,
 }
 
 /// Table row of [`LAYERS`].
@@ -55,18 +106,27 @@ pub struct LayerRow {
     pub doc: &'static str,
     /// Meaning of the three channels of its images.
     pub channels: [&'static str; 3],
+    /// Names of the first of these channels in the OpenEXR file of the picture, as pbrt-v4 writes
+    /// them if it does. Empty if its films are stored in files of their own.
+    pub exr: &'static [&'static str],
+    /// Origin of its values.
+    pub source: LayerSource,
     /// Display of its images as pictures.
     pub display: LayerDisplay,
     /// Whether the image is a ratio: the first sum of a pixel divided by the second, which holds
     /// the weights. Otherwise all sums are divided by the number of samples.
     pub ratio: bool,
-    /// Whether splats contribute to it.
-    pub splats: bool,
     /// Iterates over the films that this layer has, given the greatest path length.
     pub subsets: fn(u32) -> Box<dyn Iterator<Item = PathSubset>>,
 }
 
 const RGB: [&str; 3] = ["red", "green", "blue"];
+const XYZ: [&str; 3] = ["x", "y", "z"];
+
+/// Subsets of a layer that has a single film.
+fn whole(_: u32) -> Box<dyn Iterator<Item = PathSubset>> {
+    Box::new(once(PathSubset::Whole))
+}
 
 /// Table of all layers.
 pub const LAYERS: &[LayerRow] = &[
@@ -76,9 +136,10 @@ pub const LAYERS: &[LayerRow] = &[
         doc: "radiance by number of path edges, one film for each from 1 to max_depth; they add \
               up to the picture",
         channels: RGB,
+        exr: &[],
+        source: LayerSource::Contributions,
         display: LayerDisplay::Radiance,
         ratio: false,
-        splats: true,
         subsets: |max_depth| Box::new((1..=max_depth).map(PathSubset::Depth)),
     },
     LayerRow {
@@ -88,9 +149,10 @@ pub const LAYERS: &[LayerRow] = &[
               films add up to the picture, and each raw film is the estimate of its strategy alone \
               [Veach 1997, ch. 10]",
         channels: RGB,
+        exr: &[],
+        source: LayerSource::Contributions,
         display: LayerDisplay::Radiance,
         ratio: false,
-        splats: true,
         subsets: |max_depth| {
             let strategies = (1..=max_depth).flat_map(|k| (0..=k).map(move |s| (s, k + 1 - s)));
             Box::new(strategies.flat_map(|(s, t)| {
@@ -104,41 +166,45 @@ pub const LAYERS: &[LayerRow] = &[
         doc: "mean number of bounces between light source and camera: path edges minus one, \
               weighted by luminance; the same for every integrator, and 0 where there is no light",
         channels: ["mean bounces", "luminance used as weight", "zero"],
+        exr: &["Bounces"],
+        source: LayerSource::Contributions,
         display: LayerDisplay::Heat,
         ratio: true,
-        splats: true,
-        subsets: |_| Box::new(once(PathSubset::Whole)),
+        subsets: whole,
     },
     LayerRow {
         layer: Layer::Rays,
         name: "rays",
         doc: "cost of a sample: mean number of rays traced per sample, shadow rays included",
         channels: ["rays per sample"; 3],
+        exr: &["Rays"],
+        source: LayerSource::Rays,
         display: LayerDisplay::Heat,
         ratio: false,
-        splats: false,
-        subsets: |_| Box::new(once(PathSubset::Whole)),
+        subsets: whole,
     },
     LayerRow {
         layer: Layer::Albedo,
         name: "albedo",
         doc: "base colour of the first surface, including its texture; black where nothing is hit",
         channels: RGB,
+        exr: &["Albedo.R", "Albedo.G", "Albedo.B"],
+        source: LayerSource::FirstHit(|hit| hit.albedo),
         display: LayerDisplay::Reflectance,
         ratio: false,
-        splats: false,
-        subsets: |_| Box::new(once(PathSubset::Whole)),
+        subsets: whole,
     },
     LayerRow {
         layer: Layer::Normal,
         name: "normal",
         doc: "shading normal of the first surface in world space, on the side of the camera; \
               shorter than 1 where the normals of samples differ, and 0 where nothing is hit",
-        channels: ["x", "y", "z"],
+        channels: XYZ,
+        exr: &["Ns.X", "Ns.Y", "Ns.Z"],
+        source: LayerSource::FirstHit(|hit| hit.normal),
         display: LayerDisplay::Direction,
         ratio: false,
-        splats: false,
-        subsets: |_| Box::new(once(PathSubset::Whole)),
+        subsets: whole,
     },
     LayerRow {
         layer: Layer::Distance,
@@ -146,10 +212,73 @@ pub const LAYERS: &[LayerRow] = &[
         doc: "mean distance along the ray to the first surface in scene units, over the samples \
               that hit one; 0 where none did",
         channels: ["distance", "share of samples that hit", "zero"],
+        exr: &["Distance.Z", "Distance.A"],
+        source: LayerSource::FirstHit(|hit| Vec3::new(hit.distance, 1.0, 0.0)),
         display: LayerDisplay::Heat,
         ratio: true,
-        splats: false,
-        subsets: |_| Box::new(once(PathSubset::Whole)),
+        subsets: whole,
+    },
+    LayerRow {
+        layer: Layer::Position,
+        name: "position",
+        doc: "position of the first surface in world space, in scene units, the mean over all \
+              samples of the pixel; a sample that hits nothing counts as 0",
+        channels: XYZ,
+        exr: &["P.X", "P.Y", "P.Z"],
+        source: LayerSource::FirstHit(|hit| hit.position),
+        display: LayerDisplay::Range,
+        ratio: false,
+        subsets: whole,
+    },
+    LayerRow {
+        layer: Layer::Uv,
+        name: "uv",
+        doc: "texture coordinates of the first surface before tiling, the mean over all samples of \
+              the pixel; a sample that hits nothing counts as 0",
+        channels: ["u", "v", "zero"],
+        exr: &["u", "v"],
+        source: LayerSource::FirstHit(|hit| Vec3::new(hit.uv[0], hit.uv[1], 0.0)),
+        display: LayerDisplay::Range,
+        ratio: false,
+        subsets: whole,
+    },
+    LayerRow {
+        layer: Layer::ShapeIndex,
+        name: "shape_index",
+        doc: "index of the first object that the first sample of the pixel hits, counted from 0 in \
+              the order of the scene; -1 where that sample hits nothing",
+        channels: ["index of the object", "zero", "zero"],
+        exr: &["ShapeIndex"],
+        source: LayerSource::FirstIndex(|hit| hit.shape),
+        display: LayerDisplay::Index,
+        ratio: false,
+        subsets: whole,
+    },
+    LayerRow {
+        layer: Layer::PrimIndex,
+        name: "prim_index",
+        doc: "index in its object of the first triangle that the first sample of the pixel hits, \
+              counted from 0 without triangles that have no area; 0 on spheres, and -1 where that \
+              sample hits nothing",
+        channels: ["index of the primitive", "zero", "zero"],
+        exr: &["PrimIndex"],
+        source: LayerSource::FirstIndex(|hit| hit.primitive),
+        display: LayerDisplay::Index,
+        ratio: false,
+        subsets: whole,
+    },
+    LayerRow {
+        layer: Layer::Variance,
+        name: "variance",
+        doc: "sample variance of the pixel, (sum of x^2 - (sum of x)^2 / n) / (n - 1) over the n \
+              samples x, before denoising; divided by n it is the variance of the mean, and it is \
+              0 for a single sample",
+        channels: RGB,
+        exr: &["Variance.R", "Variance.G", "Variance.B"],
+        source: LayerSource::Variance,
+        display: LayerDisplay::Radiance,
+        ratio: false,
+        subsets: whole,
     },
 ];
 
@@ -162,6 +291,17 @@ pub const LAYER_NAMES: [&str; LAYERS.len()] = {
         i += 1;
     }
     names
+};
+
+/// Kinds of all [`LAYERS`].
+pub const ALL: [Layer; LAYERS.len()] = {
+    let mut layers = [Layer::Depth; LAYERS.len()];
+    let mut i = 0;
+    while i < layers.len() {
+        layers[i] = LAYERS[i].layer;
+        i += 1;
+    }
+    layers
 };
 
 impl Layer {
@@ -227,11 +367,8 @@ impl LayerFilm {
 
     /// Returns the image for the sums of this film.
     pub fn image(&self, film: &Film) -> Image {
-        if !self.layer.row().ratio {
-            return film.mean();
-        }
         let n = film.samples.max(1) as f64;
-        let pixel = |&[weighted, weight, _]: &[f64; 3]| {
+        let ratio = |&[weighted, weight, _]: &[f64; 3]| {
             [
                 if weight > 0.0 {
                     (weighted / weight) as f32
@@ -242,11 +379,17 @@ impl LayerFilm {
                 0.0,
             ]
         };
-        Image::from_pixels(
-            film.width,
-            film.height,
-            film.sum.iter().map(pixel).collect(),
-        )
+        let row = self.layer.row();
+        let data = match row.source {
+            LayerSource::Variance => return film.variance(),
+            LayerSource::FirstIndex(_) => {
+                let index = |sum: &[f64; 3]| [(sum[0] - 1.0) as f32, 0.0, 0.0];
+                film.sum.iter().map(index).collect()
+            }
+            _ if row.ratio => film.sum.iter().map(ratio).collect(),
+            _ => return film.mean(),
+        };
+        Image::from_pixels(film.width, film.height, data)
     }
 }
 
@@ -286,9 +429,11 @@ impl LayerLayout {
         for row in LAYERS.iter().filter(|row| layers.contains(&row.layer)) {
             layout.first[row.layer as usize] = Some(layout.films.len());
             for subset in (row.subsets)(max_depth) {
-                let splats = row.splats && !matches!(subset, PathSubset::Strategy { t: 2.., .. });
+                let splats = matches!(row.source, LayerSource::Contributions)
+                    && !matches!(subset, PathSubset::Strategy { t: 2.., .. });
+                let own = !matches!(row.source, LayerSource::Variance);
                 layout.bytes_per_pixel +=
-                    BYTES_PER_PIXEL + u64::from(splats) * SPLAT_BYTES_PER_PIXEL;
+                    u64::from(own) * BYTES_PER_PIXEL + u64::from(splats) * SPLAT_BYTES_PER_PIXEL;
                 layout.films.push(LayerFilm {
                     layer: row.layer,
                     subset,
@@ -319,6 +464,18 @@ impl LayerLayout {
     /// Returns all films.
     pub fn films(&self) -> &[LayerFilm] {
         &self.films
+    }
+
+    /// Returns the films that have sums of their own, which precede all others.
+    pub fn summed(&self) -> &[LayerFilm] {
+        let has_sums = |film: &LayerFilm| !matches!(film.layer.row().source, LayerSource::Variance);
+        &self.films[..self.films.partition_point(has_sums)]
+    }
+
+    /// Returns the number of films to which contributions are added, which precede all others.
+    pub fn contribution_films(&self) -> usize {
+        let adds = |film: &LayerFilm| matches!(film.layer.row().source, LayerSource::Contributions);
+        self.films.partition_point(adds)
     }
 
     /// Returns the index of the film of a layer that has a single film.
@@ -388,7 +545,13 @@ mod tests {
             assert_eq!(found, Some(i), "{}", film.name());
         }
         let mut names: Vec<String> = layout.films().iter().map(LayerFilm::name).collect();
-        assert_eq!(names.len(), 6 + 2 * (2 + 3 + 4 + 5 + 6 + 7) + 5);
+        assert_eq!(names.len(), 6 + 2 * (2 + 3 + 4 + 5 + 6 + 7) + 10);
+        assert_eq!(
+            layout.summed().len(),
+            names.len() - 1,
+            "all but the variance"
+        );
+        assert_eq!(layout.contribution_films(), 6 + 2 * 27 + 1);
         names.sort();
         names.dedup();
         assert_eq!(names.len(), layout.films().len(), "names are unique");
@@ -410,6 +573,7 @@ mod tests {
             Ok(10 * (10 * 48 + 4 * 96))
         );
         assert_eq!(bytes(&[], 10_000, 1 << 40), Ok(0));
+        assert_eq!(bytes(&[Layer::Variance, Layer::Uv], 2, 10), Ok(10 * 48));
         let error = bytes(&[Layer::Strategies], 20, 1 << 20).unwrap_err();
         assert!(
             error.contains("8 GiB") && error.contains("lower max_depth"),
@@ -425,5 +589,25 @@ mod tests {
         (film.samples, film.sum[0]) = (4, [6.0, 2.0, 0.0]);
         let bounces = LayerLayout::new(&[Layer::Bounces], 5, 2).unwrap().films()[0];
         assert_eq!(bounces.image(&film).data, [[3.0, 0.5, 0.0], [0.0; 3]]);
+        let image = |layer| {
+            let films = LayerLayout::new(&[layer], 5, 2).unwrap().films;
+            films[0].image(&film).data
+        };
+        assert_eq!(
+            image(Layer::ShapeIndex),
+            [[5.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]
+        );
+    }
+
+    #[test]
+    fn variance_is_that_of_the_samples() {
+        let mut film = Film::new(1, 1);
+        // Samples 1, 2, 3, 6 have a mean of 3: (4 + 1 + 0 + 9) / 3.
+        (film.samples, film.sum[0][0], film.sum2[0][0]) = (4, 12.0, 50.0);
+        let layout = LayerLayout::new(&[Layer::Variance], 5, 1).unwrap();
+        let [r, g, _] = layout.films()[0].image(&film).data[0];
+        assert!((r - 14.0 / 3.0).abs() < 1e-6 && g == 0.0, "{r} {g}");
+        film.samples = 1;
+        assert_eq!(layout.films()[0].image(&film).data, [[0.0; 3]]);
     }
 }

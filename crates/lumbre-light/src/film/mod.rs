@@ -200,13 +200,25 @@ impl Film {
     /// stratified: the true variance of their mean is mostly smaller, and up to about twice as large
     /// where light depends on a product of two random decisions.
     pub fn variance_of_mean(&self) -> Image {
+        self.variance_over(self.samples as f64)
+    }
+
+    /// Returns the sample variance of each pixel: with its `n` samples, their sum `S` and their sum
+    /// of squares `Q`, it is `(Q - S^2 / n) / (n - 1)`. Zero with fewer than two samples. With
+    /// splats it is `n` times the variance of the mean.
+    pub fn variance(&self) -> Image {
+        self.variance_over(1.0)
+    }
+
+    /// Returns the sample variance of each pixel divided by `count`.
+    fn variance_over(&self, count: f64) -> Image {
         let n = self.samples as f64;
         let pixel = |(s, q): (&[f64; 3], &[f64; 3])| {
             [0, 1, 2].map(|c| {
                 if n < 2.0 {
                     0.0
                 } else {
-                    ((q[c] - s[c] * s[c] / n) / (n - 1.0) / n).max(0.0) as f32
+                    ((q[c] - s[c] * s[c] / n) / (n - 1.0) / count).max(0.0) as f32
                 }
             })
         };

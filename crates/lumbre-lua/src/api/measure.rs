@@ -51,6 +51,9 @@ lumbre_light::table! {
     png = "last": Ty::Word(&["last", "every"]),
         "PNG pictures, tone-mapped by `display`: `last` stores the final picture, `every` also one \
          at every measurement";
+    films = "picture": Ty::Word(&["picture", "files"]),
+        "layers of `films` that are a single film: `picture` stores them as channels of the final \
+         OpenEXR picture, `files` each in a file of its own";
 }
 
 lumbre_light::table! {
@@ -209,6 +212,7 @@ fn read_measure(table: &mlua::Table) -> Result<(MeasureSpec, Option<Tonemap>), S
         measure.snapshots = Snapshots::Pow2;
     }
     measure.captures = keep("png") == Some("every");
+    measure.film_files = keep("films") == Some("files");
     let display = fields.values.get("display");
     let display = display
         .map(|display| Tonemap::from_value("measure.display", display))

@@ -244,6 +244,9 @@ pub struct MeasureSpec {
     pub snapshots: Snapshots,
     /// Whether the picture is stored as PNG at every measurement.
     pub captures: bool,
+    /// Whether layers of a single film are stored in files of their own, and not in that of the
+    /// final picture.
+    pub film_files: bool,
     /// Tone map of PNG files and of the live picture.
     pub display: Tonemap,
 }
@@ -256,6 +259,7 @@ impl Default for MeasureSpec {
             metrics: Vec::new(),
             snapshots: Snapshots::Last,
             captures: false,
+            film_files: false,
             display: Tonemap::Srgb { exposure: 0.0 },
         }
     }

@@ -26,6 +26,7 @@ pub use films::bin_pool::kept_bytes;
 
 use super::BackendRow;
 use super::shaders::Shaders;
+use lumbre_light::film::layer;
 use lumbre_light::scene::desc::Model;
 
 /// Entry of this backend in the table of backends.
@@ -36,7 +37,7 @@ pub const ROW: BackendRow = BackendRow {
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         Ok(format!("{threads} hardware threads"))
     },
-    layers: true,
+    layers: &layer::ALL,
     times: true,
     blends: true,
     light_trees: true,

@@ -28,7 +28,7 @@ use crate::device::Features;
 use crate::hierarchy::{AccelSpec, Builder};
 use crate::{Abandoned, Advance, Device, Job, OpenStats, RenderError, Renderer, Until, WaveStats};
 use lumbre_light::film::Film;
-use lumbre_light::film::layer::LayerFilm;
+use lumbre_light::film::layer::{LayerFilm, LayerSource};
 use lumbre_light::film::splat::{SplatBuffer, SplatSums};
 use lumbre_light::film::state::StateReader;
 use lumbre_light::film::time::TimeCube;
@@ -435,7 +435,7 @@ fn add_sample(
     invalid += u64::from(!finite) + u64::from(!row.finish_sample(x, finite));
     if let Some(layers) = layers {
         let sampler = || prepared.sampler(context.shared, pixel, sample);
-        invalid += layers.finish_sample(context, pixel, finite, rays, sampler);
+        invalid += layers.finish_sample(context, (pixel, sample), finite, rays, sampler);
     }
     row.record_invalid(x, sample, invalid);
 }
@@ -469,16 +469,18 @@ impl Renderer for CpuRenderer {
     }
 
     fn layer(&self, index: usize) -> Result<Film, RenderError> {
-        let layers = self
-            .layers
-            .as_ref()
-            .filter(|layers| index < layers.films().len());
-        let missing = || RenderError::failed("cpu", format!("layer film {index} does not exist"));
-        Ok(layers.ok_or_else(missing)?.film(
-            index,
-            [self.own.width, self.own.height],
-            self.own.samples,
-        ))
+        let film = self.layers().get(index);
+        match (film.map(|film| film.layer.row().source), &self.layers) {
+            (Some(LayerSource::Variance), _) => Ok(self.film().clone()),
+            (Some(_), Some(layers)) => {
+                let size = [self.own.width, self.own.height];
+                Ok(layers.film(index, size, self.own.samples))
+            }
+            _ => {
+                let reason = format!("layer film {index} does not exist");
+                Err(RenderError::failed("cpu", reason))
+            }
+        }
     }
 
     fn save(&self, to: &mut dyn Write) -> io::Result<bool> {

@@ -221,8 +221,9 @@ pub static SETTINGS: [Setting; 18] = [
     Setting {
         field: field! {
             films = "none": Ty::OneOrMany(&Ty::Word(&LAYER_NAMES)),
-                "layers to store besides the picture, as files below films/ in the run's folder: { \
-                 \"depth\", \"strategies\" }; a reference does not inherit them"
+                "layers to store besides the picture, as further channels of its OpenEXR file or, \
+                 for `depth` and `strategies`, as files below films/ in the run's folder: { \
+                 \"albedo\", \"depth\" }; a reference does not inherit them"
         },
         inherited: false,
         read: |settings, given| {

@@ -4,7 +4,6 @@
 
 use super::Pictures;
 use super::item::ReportItem;
-use super::snapshots::read_picture;
 use super::study::{Member, Study};
 use crate::format::significant;
 use crate::plot::sheet::{Sheet, Sheets};
@@ -51,7 +50,8 @@ pub fn all(
     Ok(items)
 }
 
-/// Reads the radiance films and the bounce map of a run.
+/// Reads the radiance films and the bounce map of a run, from files of their own or from that of
+/// its picture.
 fn read_films(member: &Member, pictures: &Pictures, notes: &mut Vec<String>) -> Vec<LayerImage> {
     let films = member
         .run
@@ -59,8 +59,14 @@ fn read_films(member: &Member, pictures: &Pictures, notes: &mut Vec<String>) -> 
         .iter()
         .filter_map(|name| Some((name, parse_film_name(name)?)));
     let image = |(name, film): (&String, LayerFilm)| {
-        let path = member.run.folder.join("films").join(format!("{name}.exr"));
-        let image = read_picture(("a film", &path), pictures, notes)?;
+        let folder = &member.run.folder;
+        let file = folder.join("films").join(format!("{name}.exr"));
+        let image = match film.layer.row().exr {
+            [group] if !file.is_file() => pictures(&folder.join("final.exr"), Some(group)),
+            _ => pictures(&file, None),
+        };
+        let left_out = |reason| notes.push(format!("a film is left out: {reason}"));
+        let image = image.map_err(left_out).ok()?;
         Some(LayerImage { film, image })
     };
     films.filter_map(image).collect()

@@ -74,14 +74,14 @@ pub enum ReportError {
 }
 
 /// Callback that reads and decodes a picture file, or returns an error message.
-pub type Pictures<'a> = dyn Fn(&Path) -> Result<Image, String> + 'a;
+pub type Pictures<'a> = dyn Fn(&Path, Option<&str>) -> Result<Image, String> + 'a;
 
 /// Callback that reads a file, or returns an error message.
 pub type Bytes<'a> = dyn Fn(&Path) -> Result<Vec<u8>, String> + 'a;
 
 /// Callbacks to the program that a report needs.
 pub struct ReportContext<'a> {
-    /// Reads a picture.
+    /// Reads a picture, or a group of channels of its file such as `Bounces`.
     pub pictures: &'a Pictures<'a>,
     /// Reads any other file of a run.
     pub bytes: &'a Bytes<'a>,

@@ -151,7 +151,7 @@ const UNFINISHED: RunState = RunState::Ended(Outcome::Interrupted);
 
 /// Returns made-up pictures: the reference is a gradient, the others have an error that falls with
 /// the samples and is in other pixels in each repeat.
-fn picture(path: &Path) -> Result<Image, String> {
+fn picture(path: &Path, _: Option<&str>) -> Result<Image, String> {
     let name = path
         .file_stem()
         .and_then(|s| s.to_str())
@@ -668,8 +668,8 @@ fn each_series_is_compared_with_its_own_reference() {
         Arc::make_mut(run).floors = vec![("rmse".to_owned(), Floor::exact(0.01))];
     }
     // The reference of nee and its picture are brighter by the same factor, so its error is small.
-    let brighter = |path: &Path| {
-        let image = picture(path)?;
+    let brighter = |path: &Path, group: Option<&str>| {
+        let image = picture(path, group)?;
         let name = path.display().to_string();
         let factor = if name.starts_with("second") || name.starts_with("nee") {
             2.0

@@ -338,7 +338,9 @@ fn common_errors(study: &Study, columns: &[Column], pictures: &Pictures) -> Opti
         let night = finished.first().map(|member| member.night);
         night.is_some_and(|night| {
             let runs = finished.iter().filter(|m| std::ptr::eq(m.night, night));
-            common_error::exceeds_noise(night, runs.map(|m| m.run), |path| pictures(path).ok())
+            common_error::exceeds_noise(night, runs.map(|m| m.run), |path| {
+                pictures(path, None).ok()
+            })
         })
     };
     let mut labels: Vec<String> = Vec::new();

@@ -420,7 +420,13 @@ impl Explorer {
             .collect();
         let stem = self.free_name(&scene, &["exr", "png"])?;
         let tonemap = self.state.tonemap();
-        let exr_bytes = exr::encode(&frame.image, &metadata).map_err(|e| e.to_string())?;
+        let extras = exr::Extras {
+            layers: &frame.layers,
+            samples: Some(frame.samples),
+            render_s: Some(frame.render_s),
+        };
+        let exr_bytes = exr::encode_with(&frame.image, &extras, &metadata);
+        let exr_bytes = exr_bytes.map_err(|e| e.to_string())?;
         let png_bytes = png::encode(&frame.image, tonemap, &metadata).map_err(|e| e.to_string())?;
         for (extension, bytes) in [("exr", exr_bytes), ("png", png_bytes)] {
             let path = self.folder.join(format!("{stem}.{extension}"));

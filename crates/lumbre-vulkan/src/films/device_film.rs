@@ -111,7 +111,7 @@ impl DeviceFilms {
         samples: PixelSamples,
     ) -> Result<DeviceFilms, VulkanError> {
         let pixels = u64::from(resolution[0]) * u64::from(resolution[1]);
-        let films = layout.films().len() as u64;
+        let films = layout.summed().len() as u64;
         let splat_films = layout.films().iter().filter(|film| film.splats).count() as u64;
         let times = DeviceTimeFilm::new(device, axis, pixels, mode.bytes())?;
         let slots = if mode == SplatMode::None {
@@ -386,7 +386,7 @@ impl DeviceFilms {
             .map(|read| read.cube(self.resolution, samples)))
     }
 
-    /// Returns the sums of film `index` of the layers.
+    /// Returns the sums of film `index` of the layers, which has some of its own.
     ///
     /// # Errors
     /// Returns an error if the device fails.
@@ -395,7 +395,7 @@ impl DeviceFilms {
             samples,
             ..Film::new(self.resolution[0], self.resolution[1])
         };
-        let (pixels, films) = (film.sum.len(), self.layout.films().len());
+        let (pixels, films) = (film.sum.len(), self.layout.summed().len());
         self.readback.fetch(&[&self.layer_sums])?;
         let rows = self.readback.bytes().chunks_exact(size_of::<SampleSums>());
         for (i, row) in rows.skip(index).step_by(films).take(pixels).enumerate() {

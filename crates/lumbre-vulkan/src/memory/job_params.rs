@@ -124,12 +124,8 @@ fn light_params(
 fn layer_params(params: layout::JobParams, layers: &LayerLayout) -> layout::JobParams {
     let first = |index: Option<usize>| index.map_or(NONE, |i| i as u32);
     layout::JobParams {
-        film_count: layers.films().len() as u32,
-        light_films: layers
-            .films()
-            .iter()
-            .filter(|film| film.layer.row().splats)
-            .count() as u32,
+        film_count: layers.summed().len() as u32,
+        light_films: layers.contribution_films() as u32,
         splat_films: layers.films().iter().filter(|film| film.splats).count() as u32,
         layer_depth: first(layers.depth(1)),
         layer_strategies: first(layers.strategy(0, 2)),

@@ -42,7 +42,17 @@ impl Recorder<'_> {
             CellRef::Cell(_) => "final",
             CellRef::Reference(_) => "ref",
         };
-        let linear = exr::encode(image, &metadata).map_err(sink_error)?;
+        // Without the render time, so that two nights write the same bytes.
+        let extras = exr::Extras {
+            layers: if self.plan.measure.film_files {
+                &[]
+            } else {
+                extra.layers
+            },
+            samples: Some(film.samples),
+            render_s: None,
+        };
+        let linear = exr::encode_with(image, &extras, &metadata).map_err(sink_error)?;
         self.retry_while_full(|| writer.write(&format!("{name}.exr"), &linear))?;
         let display = self.plan.measure.display;
         let preview = png::encode(image, display, &metadata).map_err(sink_error)?;
@@ -80,7 +90,8 @@ impl Recorder<'_> {
         Ok(stills)
     }
 
-    /// Writes the films of all layers, and contact sheets of them.
+    /// Writes the films of all layers as PNG, those that are not in the file of the picture as EXR
+    /// too, and contact sheets of them.
     fn write_layers(
         &self,
         cell: CellRef,
@@ -95,8 +106,10 @@ impl Recorder<'_> {
             let mut metadata = metadata.to_vec();
             metadata.push(("film".to_owned(), name.clone()));
             metadata.push(("channels".to_owned(), row.channels.join(", ")));
-            let linear = exr::encode(&layer.image, &metadata).map_err(sink_error)?;
-            self.retry_while_full(|| writer.write(&format!("{FILMS}/{name}.exr"), &linear))?;
+            if self.plan.measure.film_files || row.exr.is_empty() {
+                let linear = exr::encode(&layer.image, &metadata).map_err(sink_error)?;
+                self.retry_while_full(|| writer.write(&format!("{FILMS}/{name}.exr"), &linear))?;
+            }
             let preview = layer::encode(layer, display, &metadata).map_err(sink_error)?;
             self.retry_while_full(|| writer.write(&format!("{FILMS}/{name}.png"), &preview))?;
         }

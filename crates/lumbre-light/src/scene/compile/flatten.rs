@@ -76,9 +76,10 @@ pub fn compile_sharing(
         add_mesh(&mut scene, entity, &mut resolver.notes)?;
     }
     instances.add_to(&mut scene, &mut resolver.notes)?;
-    for entity in &desc.entities {
+    for (index, entity) in desc.entities.iter().enumerate() {
         if let ShapeDesc::Sphere { radius } = entity.shape {
             add_sphere(&mut scene, entity, radius, &mut resolver)?;
+            scene.entities.spheres.push(index as u32);
         }
     }
     let mut notes = resolver.notes;

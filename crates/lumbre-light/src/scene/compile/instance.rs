@@ -248,7 +248,13 @@ impl CompiledScene {
         flat.colors.truncate(world);
         flat.second_uvs.truncate(world);
         let mut emitter_primitives = BTreeMap::new();
+        let placed = std::mem::take(&mut flat.entities.instances);
         for (index, instance) in self.instances.placements.iter().enumerate() {
+            let entity = placed.get(index);
+            let first = flat.triangles.len() as u32;
+            flat.entities
+                .meshes
+                .extend(entity.map(|entity| [first, *entity]));
             let index = index as u32;
             for primitive in self.instances.meshes[instance.mesh as usize]
                 .triangles

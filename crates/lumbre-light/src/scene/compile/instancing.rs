@@ -269,6 +269,7 @@ fn add_instance(
         emitters,
         flattened_start,
     });
+    scene.entities.instances.push(entity.index);
     scene
         .instances
         .materials

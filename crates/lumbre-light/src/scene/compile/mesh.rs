@@ -21,6 +21,8 @@ const GRAZING_COSINE: f32 = 1e-3;
 
 /// An entity whose shape is a mesh.
 pub(super) struct MeshEntity<'a> {
+    /// Index of the entity in the description.
+    pub index: u32,
     pub mesh: &'a MeshDesc,
     /// Index into the scene's materials for every slot of the mesh.
     pub materials: Vec<u32>,
@@ -49,7 +51,7 @@ pub(super) fn mesh_entities<'a>(
     let mut checked = BTreeSet::new();
     let mut entities = Vec::new();
     let desc = resolver.desc;
-    for entity in &desc.entities {
+    for (index, entity) in desc.entities.iter().enumerate() {
         let ShapeDesc::Mesh(mesh) = &entity.shape else {
             continue;
         };
@@ -68,6 +70,7 @@ pub(super) fn mesh_entities<'a>(
         };
         let materials = with_own_direction(scene, materials, entity);
         entities.push(MeshEntity {
+            index: index as u32,
             mesh,
             materials,
             place,
@@ -96,6 +99,7 @@ pub(super) fn add_mesh(
     let to_world_normal = cofactor(to_world.matrix3) * if mirrors { -1.0 } else { 1.0 };
     let world = world_positions(entity)?;
     let first = scene.triangles.len();
+    scene.entities.meshes.push([first as u32, entity.index]);
     let mut dropped = [0usize; 2];
     let mut given = Vec::new();
     for (indices, slot) in mesh.triangles.iter().zip(&mesh.triangle_slot) {

@@ -3,6 +3,7 @@
 mod bounds;
 mod corners;
 mod delays;
+mod entities;
 mod flatten;
 mod instance;
 mod instancing;
@@ -21,6 +22,7 @@ use glam::{Vec2, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
 pub use delays::{Blend, DelayParam, DelayProfile, Delays, MaterialComponent};
+pub use entities::Entities;
 pub use flatten::{MAX_PRIMITIVES, compile, compile_camera, compile_sharing};
 pub use instance::{Instance, Instances, MAX_FLATTENED_PRIMITIVES, SharedMesh};
 pub use lights::{Cone, DirectionalLight, Environment, PointLight};
@@ -63,6 +65,8 @@ pub struct CompiledScene {
     pub instances: Instances,
     /// Analytic spheres in world space.
     pub spheres: Vec<Sphere>,
+    /// Entities of the description that the primitives belong to.
+    pub entities: Entities,
     /// Materials, indexed by primitives.
     pub materials: Vec<Material>,
     /// Components and temporal profiles of the materials.

@@ -196,12 +196,14 @@ pub(super) fn measure(measure: &MeasureSpec, measured: bool) -> Value {
         ("metrics", Value::List(metrics)),
         ("keep", keep.into()),
     ];
-    // Omitted if absent, so that runs without captures keep the ids from before captures existed.
+    // Omitted if absent, so that runs keep the ids from before these existed.
     let captures = measure.captures.then_some(("captures", "every".into()));
+    let films = measure.film_files.then_some(("films", "files".into()));
     Value::Map(
         fields
             .into_iter()
             .chain(captures)
+            .chain(films)
             .map(|(key, value)| (key.to_owned(), value))
             .collect(),
     )

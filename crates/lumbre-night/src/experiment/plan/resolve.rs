@@ -459,27 +459,14 @@ fn check_backend(
     }
 }
 
-/// Checks that the backend supports the requested layers, and that layers and time bins are not too
-/// large.
+/// Checks that layers and time bins are not too large.
 fn check_films(
     config: &Settings,
     row: &IntegratorRow,
     pixels: u64,
     max_depth: u32,
 ) -> Result<(), String> {
-    let layers = config.rendered_layers();
-    if !layers.is_empty() {
-        // The layers of external techniques were checked with their other settings.
-        let supported = crate::backends::backend(&config.backend).map(|row| row.layers);
-        if supported != Some(true) && config.backend != external::BACKEND {
-            return Err(format!(
-                "backend `{}` does not support layers: leave out `films` and `denoise`, or use \
-                 another backend",
-                config.backend
-            ));
-        }
-        LayerLayout::new(&layers, max_depth, pixels)?;
-    }
+    LayerLayout::new(&config.rendered_layers(), max_depth, pixels)?;
     if let Some(timing) = &config.timing {
         time::bytes(&timing.axis, pixels, row.splats)?;
     }
@@ -499,6 +486,9 @@ fn refusal(
              `vulkan-compute`",
             config.accel.describe()
         ));
+    }
+    if let Some(reason) = crate::backends::unsupported_layer(backend, &config.rendered_layers()) {
+        return Some(reason);
     }
     if own::library(integrator).is_some() && config.timing.is_some() {
         return Some(format!(

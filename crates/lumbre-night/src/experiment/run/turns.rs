@@ -17,12 +17,11 @@ use crate::experiment::run_progress::RunProgress;
 use crate::experiment::shards::WorkUnit;
 use crate::experiment::spec::Snapshots;
 use crate::experiment::stop::StopRule;
-use lumbre_light::film::layer::LayerImage;
 use lumbre_light::film::time::bytes;
 use lumbre_light::transport::time_settings::Timing;
 use lumbre_metrics::evaluator::Evaluator;
 use lumbre_render::cpu::kept_bytes;
-use lumbre_render::{Advance, RenderError, Renderer, Until};
+use lumbre_render::{Advance, Until};
 
 /// Render time of a slice of an interleaved run, seconds. Short turns make the conditions of the
 /// techniques more alike.
@@ -132,7 +131,7 @@ impl<'a> NightRunner<'a, '_> {
             if let (AfterTurn::End(Outcome::Done(_)), Some(renderer)) =
                 (&next, &mut run.attempt.renderer)
             {
-                run.layers = layer_images(renderer.as_ref())?;
+                run.layers = renderer.layer_images()?;
                 // A run that ends where an earlier process left it was not measured by this one.
                 let picture = catch_panic("denoising", || renderer.picture())??;
                 run.denoised = picture.denoised.then_some(picture.image);
@@ -448,17 +447,4 @@ pub(super) fn memory_shortage(
         .map(|(run, _)| memory::run_bytes(run.request.config))
         .sum();
     memory::shortage(runs.len(), need, &limit)
-}
-
-/// Returns the images of a renderer's layers. Only one layer's sums at a time are copied.
-fn layer_images(renderer: &dyn Renderer) -> Result<Vec<LayerImage>, RenderError> {
-    let films = renderer.layers().iter().enumerate();
-    films
-        .map(|(i, film)| {
-            Ok(LayerImage {
-                film: *film,
-                image: film.image(&renderer.layer(i)?),
-            })
-        })
-        .collect()
 }

@@ -195,6 +195,6 @@ fn parse_strategy(file: &Path) -> Option<LayerFilm> {
             t: t.parse().ok()?,
             weighted: kind == "weighted",
         },
-        splats: Layer::Strategies.row().splats,
+        splats: true,
     })
 }

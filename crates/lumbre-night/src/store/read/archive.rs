@@ -12,7 +12,7 @@ use crate::experiment::plan::ReferenceSource;
 use crate::experiment::{CellRef, Plan, SinkError};
 use crate::store::schema::run::DoneFile;
 use crate::store::write::{manifest_checksum, metrics_csv, reference_sums};
-use crate::store::{FILMS, HALVES, NOISE, layout};
+use crate::store::{HALVES, NOISE, layout};
 use lumbre_light::film::Image;
 
 /// Decodes the bytes of an image; the error is for users. Supplied by callers, since this module
@@ -247,9 +247,9 @@ impl History for Archive {
     }
 }
 
-/// Loads a finished run. Returns `None` if the folder holds none with this id. Checks that the
-/// image and all layer images exist, and that the measurements are readable and have the requested
-/// columns.
+/// Loads a finished run. Returns `None` if the folder holds none with this id. Checks that all
+/// files of its manifest and the image exist, and that the measurements are readable and have the
+/// requested columns.
 ///
 /// # Errors
 /// Description of the first problem of a run whose last file exists.
@@ -266,15 +266,8 @@ fn load_finished(
     let Some(results) = done.rendered().filter(|results| results.run == id) else {
         return Ok(None);
     };
-    let missing = |file: &str| Err(format!("{file} is missing"));
     if !folder.join(image).is_file() {
-        return missing(image);
-    }
-    for film in &results.films {
-        let file = format!("{FILMS}/{film}.exr");
-        if !folder.join(&file).is_file() {
-            return missing(&file);
-        }
+        return Err(format!("{image} is missing"));
     }
     let measurements = run.measurements(Some(&done))?;
     let lacking = columns.iter().find(|c| !measurements.columns.contains(c));

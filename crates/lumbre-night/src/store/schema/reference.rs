@@ -20,6 +20,7 @@ use super::status::{
     CellCounts, CurrentRun, FailureRecord, ReferenceCounts, ShardCounts, StatusReport,
 };
 use crate::columns::{CSV_FILES, CsvFile};
+use lumbre_light::film::layer::LAYERS;
 use lumbre_light::value::markdown::{row, sentence, table_head};
 
 /// Structures of each file: that of the file first, then those of its parts.
@@ -137,6 +138,14 @@ pub fn reference() -> String {
             listed.push(record.name);
             out += &record_section(&record);
         }
+    }
+    out += "\n## Channels of layers\n\nChannels in `final.exr`, by the name in `films`. A layer \
+            without has a file for each of its films.\n\n";
+    out += &table_head(["layer", "channels", "meaning"]);
+    for layer in LAYERS {
+        let channels: Vec<String> = layer.exr.iter().map(|name| format!("`{name}`")).collect();
+        let meaning = sentence(layer.doc);
+        out += &row([&format!("`{}`", layer.name), &channels.join(", "), &meaning]);
     }
     out += "\n## Columns of CSV files\n";
     for file in CSV_FILES {

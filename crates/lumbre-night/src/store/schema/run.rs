@@ -217,7 +217,7 @@ records! {
         pub net: Option<Named<Real>>,
         /// Samples per pixel of the two halves. Only of references.
         pub halves: Option<[u64; 2]>,
-        /// Names of the layers and of the stills of the time axis in `films/`.
+        /// Names of the films of all layers, and of the stills of the time axis in `films/`.
         pub films: Vec<String>,
         /// Seed of the random numbers; of a reference, that of its first half.
         pub seed: u64,

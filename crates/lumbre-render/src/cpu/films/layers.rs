@@ -12,14 +12,14 @@ use glam::Vec3;
 
 use crate::Job;
 use lumbre_light::film::Film;
-use lumbre_light::film::layer::{Layer, LayerFilm, LayerLayout};
+use lumbre_light::film::layer::{FirstHit, Layer, LayerFilm, LayerLayout, LayerSource};
 use lumbre_light::film::splat::SplatSums;
 use lumbre_light::film::state::{CheckpointMismatch, StateReader, write_u64s};
 use lumbre_light::math::luminance::luminance_of;
 use lumbre_light::transport::contribution::Contribution;
 use lumbre_light::transport::integrator::Context;
 use lumbre_light::transport::sampler::Sampler;
-use lumbre_light::transport::surface::Surface;
+use lumbre_light::transport::surface::{Surface, uv_at};
 
 /// Sum and sum of squares of one film at one pixel.
 #[derive(Clone, Copy, Default)]
@@ -32,6 +32,8 @@ pub(crate) struct Moments {
 pub(crate) struct LayerSpec {
     layout: LayerLayout,
     max_depth: u32,
+    /// Index of the first sample of every pixel.
+    first_sample: u64,
     pixels: usize,
     /// Whether any layer needs the surface that the camera ray hits.
     surfaces: bool,
@@ -70,17 +72,20 @@ impl LayerFilms {
             })
         };
         let splat_index = layout.films().iter().map(&mut next_splat_index).collect();
-        let own = vec![Moments::default(); layout.films().len() * pixels as usize];
-        let surfaces = [Layer::Albedo, Layer::Normal, Layer::Distance];
+        let own = vec![Moments::default(); layout.summed().len() * pixels as usize];
+        let needs_surface = |film: &LayerFilm| {
+            let source = film.layer.row().source;
+            matches!(
+                source,
+                LayerSource::FirstHit(_) | LayerSource::FirstIndex(_)
+            )
+        };
         let spec = LayerSpec {
             max_depth: job.max_depth,
+            first_sample: job.first_sample,
             pixels: pixels as usize,
-            surfaces: surfaces.iter().any(|layer| layout.single(*layer).is_some()),
-            contribution_films: layout
-                .films()
-                .iter()
-                .filter(|film| film.layer.row().splats)
-                .count(),
+            surfaces: layout.films().iter().any(needs_surface),
+            contribution_films: layout.contribution_films(),
             splat_index,
             splat_films,
             splats: OnceLock::new(),
@@ -90,17 +95,17 @@ impl LayerFilms {
     }
 
     /// Splits the films into rows, one for each thread that renders a row, and returns the
-    /// properties that all rows share. Without layers every row is `None`.
+    /// properties that all rows share. Without sums of layers every row is `None`.
     pub(crate) fn rows(
         layers: &mut Option<LayerFilms>,
         height: u32,
     ) -> (Vec<Option<&mut [Moments]>>, Option<&LayerSpec>) {
         match layers {
-            None => ((0..height).map(|_| None).collect(), None),
-            Some(LayerFilms { spec, own }) => {
+            Some(LayerFilms { spec, own }) if !own.is_empty() => {
                 let row = own.len() / (height as usize).max(1);
                 (own.chunks_mut(row.max(1)).map(Some).collect(), Some(spec))
             }
+            _ => ((0..height).map(|_| None).collect(), None),
         }
     }
 
@@ -132,7 +137,7 @@ impl LayerFilms {
         Ok(())
     }
 
-    /// Returns the sums of one film, splats included.
+    /// Returns the sums of one film that has some of its own, splats included.
     pub(crate) fn film(&self, index: usize, [width, height]: [u32; 2], samples: u64) -> Film {
         let spec = &self.spec;
         let mut film = Film {
@@ -140,7 +145,11 @@ impl LayerFilms {
             ..Film::new(width, height)
         };
         let splats = spec.splats.get().zip(spec.splat_index[index]);
-        let own = self.own.iter().skip(index).step_by(self.films().len());
+        let own = self
+            .own
+            .iter()
+            .skip(index)
+            .step_by(spec.layout.summed().len());
         for (pixel, own) in own.enumerate() {
             (film.sum[pixel], film.sum2[pixel]) = match splats {
                 None => (own.sum, own.sum2),
@@ -170,7 +179,7 @@ impl<'a> LayerRowFilm<'a> {
         LayerRowFilm {
             spec,
             row,
-            values: vec![Vec3::ZERO; spec.layout.films().len()],
+            values: vec![Vec3::ZERO; spec.layout.summed().len()],
         }
     }
 
@@ -204,7 +213,7 @@ impl<'a> LayerRowFilm<'a> {
     pub(crate) fn finish_sample(
         &mut self,
         context: &Context,
-        pixel: [u32; 2],
+        (pixel, sample): ([u32; 2], u64),
         accepted: bool,
         rays: u64,
         sampler: impl FnOnce() -> Sampler,
@@ -212,12 +221,21 @@ impl<'a> LayerRowFilm<'a> {
         if !accepted {
             self.values[..self.spec.contribution_films].fill(Vec3::ZERO);
         }
-        let layout = &self.spec.layout;
-        if let Some(film) = layout.single(Layer::Rays) {
-            self.values[film] = Vec3::splat(rays as f32);
-        }
-        if self.spec.surfaces {
-            self.record_first_surface(context, pixel, &mut sampler());
+        let spec = self.spec;
+        let hit = spec
+            .surfaces
+            .then(|| first_hit(context, pixel, &mut sampler()));
+        let hit = hit.flatten();
+        let films = spec.layout.summed().iter().zip(&mut self.values);
+        for (film, value) in films.skip(spec.contribution_films) {
+            *value = match (film.layer.row().source, &hit) {
+                (LayerSource::Rays, _) => Vec3::splat(rays as f32),
+                (LayerSource::FirstHit(value), Some(hit)) => value(hit),
+                (LayerSource::FirstIndex(index), Some(hit)) if sample == spec.first_sample => {
+                    Vec3::X * (index(hit) + 1) as f32
+                }
+                _ => Vec3::ZERO,
+            };
         }
         let start = pixel[0] as usize * self.values.len();
         let mut rejected = 0;
@@ -235,37 +253,30 @@ impl<'a> LayerRowFilm<'a> {
         }
         rejected
     }
+}
 
-    /// Records the surface that the sample's camera ray hits. Traces the ray again, since the
-    /// integrator does not report its first hit.
-    fn record_first_surface(&mut self, context: &Context, pixel: [u32; 2], sampler: &mut Sampler) {
-        let ray = context.camera.sample_ray(pixel, sampler);
-        let Some(hit) = context.trace.closest(&ray, f32::INFINITY) else {
-            return;
-        };
-        let surface = Surface::at(context.scene, &ray, &hit);
-        let layout = &self.spec.layout;
-        let mut set = |layer: Layer, value: Vec3| {
-            if let Some(film) = layout.single(layer) {
-                self.values[film] = value;
-            }
-        };
-        let parameters = surface.shading_parameters(&context.scene.textures);
-        set(Layer::Albedo, parameters.base_color);
-        let hit_from_behind = surface.n_geometric.dot(ray.dir) > 0.0;
-        set(
-            Layer::Normal,
-            if hit_from_behind {
-                -surface.n_shading
-            } else {
-                surface.n_shading
-            },
-        );
-        set(
-            Layer::Distance,
-            Vec3::new(ray.origin.distance(surface.position), 1.0, 0.0),
-        );
-    }
+/// Returns the surface that a sample's camera ray hits, or `None`. Traces the ray again, since the
+/// integrator does not report its first hit.
+fn first_hit(context: &Context, pixel: [u32; 2], sampler: &mut Sampler) -> Option<FirstHit> {
+    let scene = context.scene;
+    let ray = context.camera.sample_ray(pixel, sampler);
+    let hit = context.trace.closest(&ray, f32::INFINITY)?;
+    let surface = Surface::at(scene, &ray, &hit);
+    let hit_from_behind = surface.n_geometric.dot(ray.dir) > 0.0;
+    let [shape, primitive] = scene.entity_of(hit.primitive, hit.instance);
+    Some(FirstHit {
+        albedo: surface.shading_parameters(&scene.textures).base_color,
+        normal: if hit_from_behind {
+            -surface.n_shading
+        } else {
+            surface.n_shading
+        },
+        distance: ray.origin.distance(surface.position),
+        position: surface.position,
+        uv: uv_at(scene, &ray, &hit).first,
+        shape,
+        primitive,
+    })
 }
 
 impl LayerSpec {

@@ -157,7 +157,8 @@ impl TileLight {
                 invalid += layers.add(&contribution(pixel, *value, details));
             }
             let (finite, rays) = (self.values[path].is_finite(), u64::from(self.rays[path]));
-            invalid += layers.finish_sample(context, pixel, finite, rays, || sampler(*id));
+            let sample = (pixel, id.1);
+            invalid += layers.finish_sample(context, sample, finite, rays, || sampler(*id));
             film.record_invalid(id.0, id.1, invalid);
         }
     }

@@ -375,6 +375,81 @@ fn first_hit_layers_hold_albedo_normal_and_distance() {
 }
 
 #[test]
+fn first_hit_layers_hold_position_uv_and_indices() {
+    // A plane at z = 2 in the left half, and a sphere in the right half, whose primitive is 2.
+    let scene = SceneBuilder::new(Vec3::new(0.0, 0.0, 4.0), Vec3::ZERO, 40.0)
+        .quad(
+            Vec3::new(-2.0, -2.0, 2.0),
+            Vec3::X * 2.0,
+            Vec3::Y * 4.0,
+            WHITE,
+        )
+        .sphere(Vec3::new(0.45, 0.0, 1.0), 0.3, WHITE)
+        .build();
+    let layers = [
+        Layer::Position,
+        Layer::Uv,
+        Layer::ShapeIndex,
+        Layer::PrimIndex,
+    ];
+    let images = |samples| {
+        let renderer = render_waves(&scene, layered_job("nee", &layers, 2, 4), &[samples]);
+        renderer
+            .layer_images()
+            .unwrap()
+            .into_iter()
+            .map(|layer| layer.image)
+    };
+    let found: Vec<Image> = images(64).collect();
+    let [position, uv, shape, primitive] = found.as_slice() else {
+        panic!("{} films", found.len())
+    };
+    for (x, y) in (0..12).flat_map(|y| (0..6).map(move |x| (x, y))) {
+        let expected =
+            [x as f32 - 5.5, 5.5 - y as f32].map(|i| i / 6.0 * 2.0 * 20f32.to_radians().tan());
+        let ([px, py, pz], [u, v, _]) = (position.at(x, y), uv.at(x, y));
+        assert!((px - expected[0]).abs() < 0.02 && (py - expected[1]).abs() < 0.02);
+        assert!((pz - 2.0).abs() < 1e-6 && (u - (px + 2.0) / 2.0).abs() < 1e-5);
+        assert!((v - (py + 2.0) / 4.0).abs() < 1e-5);
+        assert!(shape.at(x, y)[0] == 0.0 && primitive.at(x, y)[0] < 2.0);
+    }
+    assert_eq!([8, 11].map(|x| primitive.at(x, 5)[0]), [2.0, -1.0]);
+    assert_eq!([8, 11].map(|x| shape.at(x, 5)[0]), [0.0, -1.0]);
+    assert_eq!([position, uv].map(|image| image.at(11, 0)), [[0.0; 3]; 2]);
+    let [x, y, z] = position.at(8, 5);
+    assert!((Vec3::new(x, y, z) - Vec3::new(0.45, 0.0, 1.0)).length() < 0.31);
+    // Later samples do not change the index of the first one.
+    assert!(images(1).skip(2).eq(found[2..].iter().cloned()));
+}
+
+#[test]
+fn the_layer_of_the_variance_is_that_of_single_samples() {
+    let scene = open_room().build();
+    let job = layered_job("nee", &[Layer::Variance], 3, 9);
+    let renderer = render_waves(&scene, job.clone(), &[3, 5]);
+    let found = &renderer.layer_images().unwrap()[0].image;
+    let single = |first_sample| {
+        let job = Job {
+            first_sample,
+            ..job.clone()
+        };
+        render_waves(&scene, job, &[1]).film().sum.clone()
+    };
+    let samples: Vec<Vec<[f64; 3]>> = (0..8).map(single).collect();
+    let mut positive = 0;
+    for (i, value) in found.data.iter().enumerate() {
+        for c in 0..3 {
+            let mean = samples.iter().map(|s| s[i][c]).sum::<f64>() / 8.0;
+            let squares = samples.iter().map(|s| (s[i][c] - mean).powi(2));
+            let expected = squares.sum::<f64>() / 7.0;
+            assert!((f64::from(value[c]) - expected).abs() <= 1e-6 * expected.max(mean * mean));
+            positive += usize::from(value[c] > 0.0);
+        }
+    }
+    assert!(positive > 100, "{positive}");
+}
+
+#[test]
 fn layers_that_do_not_fit_or_are_unsupported_are_refused_before_rendering() {
     let huge = Job {
         max_depth: 40,

@@ -351,7 +351,7 @@ pub fn read_picture(
     pictures: &Pictures,
     notes: &mut Vec<String>,
 ) -> Option<Image> {
-    let image = pictures(path);
+    let image = pictures(path, None);
     image
         .map_err(|reason| notes.push(format!("{name} is left out: {reason}")))
         .ok()

@@ -85,9 +85,9 @@ fn gaps_state_why_a_picture_is_missing() {
     // The first repeat failed: the second is shown.
     Arc::make_mut(&mut night.runs[3]).state = UNFINISHED;
     Arc::make_mut(&mut night.runs[6]).pictures.truncate(0);
-    let read = |path: &Path| match path.to_str() {
+    let read = |path: &Path, group: Option<&str>| match path.to_str() {
         Some("nee-0-128.exr") => Err("nee-0-128.exr: it is damaged".to_owned()),
-        _ => picture(path).map(|image| Image::from_fn(40, 20, |x, y| image.at(x, y))),
+        _ => picture(path, group).map(|image| Image::from_fn(40, 20, |x, y| image.at(x, y))),
     };
     let (item, svg, notes) = drawn(&night, &read);
     assert_eq!(svg.matches("<image").count(), 1);

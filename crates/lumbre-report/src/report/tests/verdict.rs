@@ -29,8 +29,8 @@ fn the_page_begins_with_the_winners() {
 #[test]
 fn a_winner_whose_runs_have_an_error_in_common_has_a_caveat() {
     let caveats = |dark: &str| {
-        let pictures = |path: &Path| {
-            let mut image = picture(path)?;
+        let pictures = |path: &Path, group: Option<&str>| {
+            let mut image = picture(path, group)?;
             if path.display().to_string().starts_with(dark) {
                 image.data.iter_mut().for_each(|pixel| pixel[0] -= 0.1);
             }
@@ -226,8 +226,8 @@ fn crops_show_the_least_noisy_reference_and_warn_if_references_differ() {
         )];
     }
     let caption_with = |factor: f32| {
-        let pictures = |path: &Path| {
-            let image = picture(path)?;
+        let pictures = |path: &Path, group: Option<&str>| {
+            let image = picture(path, group)?;
             let is_second = path.ends_with("second.exr");
             let factor = if is_second { factor } else { 1.0 };
             Ok(Image {

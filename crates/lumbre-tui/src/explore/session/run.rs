@@ -7,7 +7,6 @@ use std::time::Instant;
 use super::scenes::{Opened, Scenes};
 use super::shared::{Frame, Request, SLOTS, SessionOptions, Shared, Status, Wanted, lock};
 use crate::explore::settings::Limits;
-use lumbre_light::film::layer::LayerImage;
 use lumbre_light::film::{SharedImage, relative_noise};
 use lumbre_render::{Advance, Job, RenderError, Renderer, Until, WaveStats};
 
@@ -369,15 +368,8 @@ impl OpenRun {
             self.noise_at = Some(Instant::now());
         }
         let part = self.parts.part_of(&image, samples);
-        let renderer = &self.opened.renderer;
-        let mut layers = Vec::new();
-        for (index, film) in renderer.layers().iter().enumerate() {
-            let sums = renderer.layer(index).map_err(|e| e.to_string())?;
-            layers.push(LayerImage {
-                film: *film,
-                image: film.image(&sums),
-            });
-        }
+        let layers = self.opened.renderer.layer_images();
+        let layers = layers.map_err(|e| e.to_string())?;
         Ok(Frame {
             image,
             samples,
