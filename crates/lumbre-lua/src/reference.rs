@@ -120,9 +120,11 @@ const EXPERIMENTS: &[Section] = &[
     },
     Section {
         title: "Figures and tables",
-        intro: "Figures and tables are written when a night ends; `lumbre report` draws many more \
-                without any declaration.",
-        functions: &["x:report", "x:note", "x:figure", "x:table", "time_to"],
+        intro: "Figures, tables and sheets are written when a night ends; `lumbre report` draws \
+                many more without any declaration.",
+        functions: &[
+            "x:report", "x:note", "x:figure", "x:table", "time_to", "x:sheet", "x:frames",
+        ],
         extra: None,
     },
 ];

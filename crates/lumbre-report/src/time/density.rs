@@ -51,9 +51,10 @@ impl DensityScale {
                 lines.push(vec![(x - HEAD.0, below), (x, top), (x + HEAD.0, below)]);
             }
         }
-        if self.greatest > 0.0 {
-            let place = |(x, density)| (x / self.longest, TOP * density / self.greatest);
-            lines.push(self.curve(mixture).map(place).collect());
+        let place = |(x, density)| (x / self.longest, TOP * density / self.greatest);
+        let curve: Vec<(f64, f64)> = self.curve(mixture).map(place).collect();
+        if curve.iter().any(|(_, height)| *height > 0.0) {
+            lines.push(curve);
         }
         Plot {
             lines,

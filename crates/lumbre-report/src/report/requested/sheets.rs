@@ -116,7 +116,8 @@ struct Sheet<'a, 'b> {
 impl<'a> Sheet<'a, '_> {
     fn grid(&mut self, spec: &SheetSpec) -> Result<Grid, OutputError> {
         let facets = 0..self.study.facets.len();
-        let rows = facets.map(|facet| self.study.facet_label(facet)).collect();
+        let label = |facet| self.study.facet_label(facet).replace(", ", "\n");
+        let rows = facets.map(label).collect();
         match &spec.content {
             SheetContent::Pictures { at, .. } => {
                 self.display = spec.display.unwrap_or(self.display);
@@ -254,10 +255,13 @@ impl<'a> Sheet<'a, '_> {
             for (facet, mixture) in &mixtures {
                 grid.plot([0, *facet], scale.plot(mixture));
             }
+            let greatest = match scale.greatest {
+                0.0 => String::new(),
+                greatest => format!(", up to {} per scene unit", significant(greatest, 3)),
+            };
             self.caption.push(format!(
-                "Density: of the delay of {material} over the delay in scene units, up to {} per \
-                 scene unit; arrows are constant delays.",
-                significant(scale.greatest, 3)
+                "Density: of the delay of {material} over the delay in scene units{greatest}; \
+                 arrows are constant delays."
             ));
         }
         self.caption.push(format!("Tone map of frames: {display}."));

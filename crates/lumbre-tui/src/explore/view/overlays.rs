@@ -54,8 +54,7 @@ fn window(frame: &mut Frame, area: Rect, caps: TerminalCaps, title: &str, size: 
     };
     frame.render_widget(Clear, at);
     let block = pane(caps, Span::styled(format!(" {title} "), caps.accent()));
-    let inner = framed(frame, at, block);
-    inner
+    framed(frame, at, block)
 }
 
 /// Draws the list of keys, from a row on if it does not fit.
