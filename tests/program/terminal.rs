@@ -197,7 +197,7 @@ fn the_dashboard_handles_keys_commands_and_resizes_while_another_terminal_watche
     night.press(&["q"]);
     night.wait_for_end(130);
     let finished = Terminal::start(&place, "again", (80, 24), "watch out").unwrap();
-    finished.wait_for(&["slow-", "finished"]);
+    finished.wait_for(&["slow-", "ended"]);
     finished.press(&["C-c"]);
     finished.wait_for_end(0);
 }

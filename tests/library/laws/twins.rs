@@ -27,6 +27,10 @@ const HOST: &[(&str, &str)] = &[
         "three constants, which shaders repeat",
     ),
     (
+        "crates/lumbre-light/src/transport/delay/mixture.rs",
+        "densities of delays for figures",
+    ),
+    (
         "crates/lumbre-light/src/math/simd/x8.rs",
         "GLSL invocations replace SIMD lanes",
     ),

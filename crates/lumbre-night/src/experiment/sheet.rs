@@ -55,7 +55,7 @@ pub enum SheetContent {
 /// Stored picture that a sheet shows of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PictureMoment {
-    /// Final picture.
+    /// Final picture of a run.
     End,
     /// Picture nearest to a render time in seconds.
     Time(f64),
@@ -95,8 +95,9 @@ impl SheetSpec {
     /// # Errors
     /// Returns an error for an invalid tone map or moment.
     pub fn new(options: BTreeMap<String, Value>) -> Result<SheetSpec, SchemaError> {
-        let text = |key: &str| options.get(key).and_then(Value::as_str);
-        let items = |key: &str| options.get(key).map_or(&[][..], Value::one_or_many);
+        let option = |key: &str| options.get(key);
+        let text = |key: &str| option(key).and_then(Value::as_str);
+        let items = |key: &str| option(key).map_or(&[][..], Value::one_or_many);
         let texts = |key: &str| {
             let texts = items(key).iter().filter_map(Value::as_str);
             texts.map(str::to_owned).collect()
@@ -107,7 +108,7 @@ impl SheetSpec {
             SheetContent::Frames {
                 at: items("at").iter().filter_map(Value::as_f64).collect(),
                 density: text("density").map(str::to_owned),
-                complete: options.get("static") == Some(&Value::Bool(true)),
+                complete: option("static") == Some(&Value::Bool(true)),
             }
         } else {
             let moment = |at: &Value| {
@@ -121,10 +122,10 @@ impl SheetSpec {
             };
             SheetContent::Pictures {
                 cols: texts("cols"),
-                at: options.get("at").map_or(Ok(PictureMoment::End), moment)?,
+                at: option("at").map_or(Ok(PictureMoment::End), moment)?,
             }
         };
-        let display = options.get("display");
+        let display = option("display");
         let display = display.map(|value| Tonemap::from_value(&path("display"), value));
         Ok(SheetSpec {
             rows: texts("rows"),
