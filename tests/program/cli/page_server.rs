@@ -99,9 +99,9 @@ fn the_page_is_served_to_who_has_the_token() {
 fn the_page_follows_a_night_and_names_what_is_damaged() {
     let place = Workplace::new();
     place.succeed(&["run", "night.lua", "-q"]);
-    let picture = place.files("out").into_iter();
-    let picture = picture.filter(|file| file.contains("/runs/") && file.ends_with("final.exr"));
-    let picture = picture.last().unwrap();
+    let mut picture = place.files("out").into_iter();
+    let is_final = |file: &String| file.contains("/runs/") && file.ends_with("final.exr");
+    let picture = picture.rfind(is_final).unwrap();
     let served = Served::new(&place);
     assert!(!served.get(&served.page).1.contains("id=\"problems\""));
     place.write(&picture, "damaged");

@@ -140,7 +140,7 @@ pub fn reference() -> String {
         }
     }
     out += "\n## Channels of layers\n\nChannels in `final.exr`, by the name in `films`. A layer \
-            without has a file for each of its films.\n\n";
+            without channels has a file for each of its films.\n\n";
     out += &table_head(["layer", "channels", "meaning"]);
     for layer in LAYERS {
         let channels: Vec<String> = layer.exr.iter().map(|name| format!("`{name}`")).collect();

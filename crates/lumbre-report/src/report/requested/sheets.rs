@@ -179,11 +179,12 @@ impl<'a> Sheet<'a, '_> {
         }
         self.caption.push(Moment::from(at).sentence(study));
         if let Some((least, most)) = samples.iter().min().zip(samples.iter().max()) {
-            let least = (least < most)
-                .then(|| format!("{least} to "))
-                .unwrap_or_default();
-            self.caption
-                .push(format!("{least}{most} samples per pixel."));
+            let range = if least == most {
+                most.to_string()
+            } else {
+                format!("{least} to {most}")
+            };
+            self.caption.push(format!("{range} samples per pixel."));
         }
         if before > 0 {
             self.caption.push(format!(
