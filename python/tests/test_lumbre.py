@@ -79,7 +79,7 @@ class NightTest(Workplace):
                 night.run(**wrong)
             self.assertIn(message, str(caught.exception))
         status = night.status()
-        self.assertEqual((status["version"], status["state"], status["cells"]["done"]), (1, "over", 4))
+        self.assertEqual((status["version"], status["state"], status["cells"]["done"]), (1, "finished", 4))
 
     def test_pictures_are_arrays_and_their_errors_are_those_of_the_night(self):
         for run in self.night.runs:
