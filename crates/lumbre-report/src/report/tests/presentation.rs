@@ -79,6 +79,16 @@ fn what_the_script_requests_comes_first() {
 }
 
 #[test]
+fn answers_know_the_noise_of_references_which_figures_leave_out() {
+    let own = night("Sample GPU", 1.0);
+    let floors = |night: &Night| night.runs.iter().filter(|r| !r.floors.is_empty()).count();
+    assert!(floors(&own) > 0);
+    let device = |_, _: &Outcome| None;
+    assert_eq!(floors(&requested::with_devices(&own, device)), floors(&own));
+    assert_eq!(floors(&requested::night(&own, device)), 0);
+}
+
+#[test]
 fn names_of_nights_that_contain_a_device_do_not_state_it() {
     let nights = [night("RTX 4070", 1.0), night("RX 7600", 0.44)];
     let options = ReportOptions {
