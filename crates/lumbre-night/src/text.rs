@@ -5,6 +5,11 @@ use std::borrow::Cow;
 use std::ops::RangeInclusive;
 use std::sync::OnceLock;
 
+/// Returns whether a text is a line that says something: no note may move a terminal's cursor.
+pub fn is_line(text: &str) -> bool {
+    !text.trim().is_empty() && !text.contains(char::is_control)
+}
+
 /// Name and version of this program.
 const PROGRAM: &str = concat!("lumbre ", env!("CARGO_PKG_VERSION"));
 

@@ -7,6 +7,7 @@ use crate::cli::exit::{Exit, Failure, print_result};
 use crate::cli::selector;
 use lumbre_night::store::schema::plan::{NightNote, NotesFile};
 use lumbre_night::store::{NightReader, StoredFile, utc};
+use lumbre_night::text::is_line;
 
 /// Runs `lumbre note`: adds a note to a night, or prints those that it has.
 pub fn main(args: &NoteArgs, global: &Global) -> Result<Exit, Failure> {
@@ -26,7 +27,7 @@ pub fn main(args: &NoteArgs, global: &Global) -> Result<Exit, Failure> {
         print_result(&lines.concat())?;
         return Ok(Exit::Done);
     };
-    if text.trim().is_empty() || text.contains(char::is_control) {
+    if !is_line(text) {
         return Err(Failure::usage("a note is a line of text".to_owned()));
     }
     file.notes.push(NightNote {

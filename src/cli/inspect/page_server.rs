@@ -12,7 +12,7 @@ use std::time::{Duration, Instant, UNIX_EPOCH};
 use tiny_http::{Header, Method, Request, Response, Server};
 
 use super::follow::open_follower;
-use super::report::{self, percent_encoded};
+use super::report;
 use crate::cli::args::Global;
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::night::signals;
@@ -20,6 +20,7 @@ use lumbre_night::experiment::NightControls;
 use lumbre_night::store::read::night::read_night;
 use lumbre_night::store::{Evidence, Follower, regular_file};
 use lumbre_report::report::{Report, ReportOptions};
+use lumbre_scene_io::uri;
 
 /// Longest wait for a request before a signal is noticed.
 const POLL: Duration = Duration::from_millis(200);
@@ -82,7 +83,7 @@ impl Pages {
     /// Returns the path of the page in addresses.
     fn start(&self) -> String {
         let name = self.folder.file_name().unwrap_or_default();
-        let name = percent_encoded(&name.to_string_lossy());
+        let name = uri::encoded(&name.to_string_lossy());
         format!("/{}/{name}/report/", self.token)
     }
 
@@ -96,7 +97,7 @@ impl Pages {
         match path.strip_prefix(&self.start()) {
             Some("" | "index.html") => self.page(query.strip_prefix("after=")),
             Some(name) => self.item(name),
-            None => file(&self.root, &decoded(below)),
+            None => file(&self.root, &uri::decoded(below)),
         }
     }
 
@@ -134,7 +135,7 @@ impl Pages {
 
     /// Returns a file of the report.
     fn item(&mut self, name: &str) -> Answer {
-        let name = decoded(name);
+        let name = uri::decoded(name);
         let Ok(report) = &self.made().report else {
             return text(404, "not found");
         };
@@ -185,7 +186,7 @@ fn file(root: &Path, below: &str) -> Answer {
         .flatten()
         .map(|entry| {
             let slash = if entry.path().is_dir() { "/" } else { "" };
-            percent_encoded(&entry.file_name().to_string_lossy()) + slash
+            uri::encoded(&entry.file_name().to_string_lossy()) + slash
         })
         .collect();
     names.sort();
@@ -194,34 +195,13 @@ fn file(root: &Path, below: &str) -> Answer {
     let base = if below.ends_with('/') {
         String::new()
     } else {
-        percent_encoded(&name) + "/"
+        uri::encoded(&name) + "/"
     };
     let links = names.iter();
     let links: String = links
         .map(|name| format!("<p><a href=\"{base}{name}\">{name}</a></p>\n"))
         .collect();
     data(Path::new("folder.html"), links.into_bytes())
-}
-
-/// Decodes the percent signs of an address.
-fn decoded(address: &str) -> String {
-    let mut bytes = Vec::new();
-    let mut rest = address.as_bytes();
-    while let [first, tail @ ..] = rest {
-        let hex = tail.get(..2).and_then(|hex| std::str::from_utf8(hex).ok());
-        let byte = hex.and_then(|hex| u8::from_str_radix(hex, 16).ok());
-        match byte.filter(|_| *first == b'%') {
-            Some(byte) => {
-                bytes.push(byte);
-                rest = &tail[2..];
-            }
-            None => {
-                bytes.push(*first);
-                rest = tail;
-            }
-        }
-    }
-    String::from_utf8_lossy(&bytes).into_owned()
 }
 
 fn text(status: u16, text: &str) -> Answer {
@@ -259,11 +239,6 @@ fn header(name: &str, value: &str) -> Header {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn addresses_are_decoded() {
-        assert_eq!(decoded("a%20b/%C3%A9%"), "a b/é%");
-    }
 
     #[test]
     fn nothing_outside_of_the_folder_is_served() {

@@ -124,41 +124,30 @@ impl Limit {
                 None => Ok(check_bias(a, b, rate)),
             }
         };
-        match self {
+        let (limit, (found, holds)) = match self {
             Limit::Noise { text, rate } => {
-                let (found, holds) = match checked(*rate) {
-                    Ok(result) => (result.describe(), result.comparisons > 0 && result.agrees()),
-                    Err(broken) => (broken, false),
-                };
-                Ok(LimitResult {
-                    limit: text.clone(),
-                    found,
-                    holds,
-                })
+                let found = checked(*rate).map(|result| {
+                    let holds = result.comparisons > 0 && result.agrees();
+                    (result.describe(), holds)
+                });
+                (text, found.unwrap_or_else(|broken| (broken, false)))
             }
             Limit::Detects { text, bias } => {
-                let (found, holds) = match checked(DETECTION_RATE) {
-                    Ok(result) if result.comparisons > 0 && result.is_whole_judged => {
-                        let least = result.least_bias();
-                        let least_percent = rounded(100.0 * least);
-                        let found = format!(
-                            "a bias of the total light of {least_percent} % is found in four of five \
-                             cases"
-                        );
-                        (found, least <= *bias)
-                    }
-                    Ok(_) => {
+                let found = checked(DETECTION_RATE).map(|result| {
+                    if result.comparisons == 0 || !result.is_whole_judged {
                         let why =
                             "few pixels have most of the noise, or too little light was found";
-                        (format!("{why}: the whole pictures are not compared"), false)
+                        return (format!("{why}: the whole pictures are not compared"), false);
                     }
-                    Err(broken) => (broken, false),
-                };
-                Ok(LimitResult {
-                    limit: text.clone(),
-                    found,
-                    holds,
-                })
+                    let least = result.least_bias();
+                    let least_percent = rounded(100.0 * least);
+                    let found = format!(
+                        "a bias of the total light of {least_percent} % is found in four of five \
+                         cases"
+                    );
+                    (found, least <= *bias)
+                });
+                (text, found.unwrap_or_else(|broken| (broken, false)))
             }
             Limit::Metric { text, spec, worst } => {
                 let value = spec.eval(image, reference).map_err(Failure::usage)?;
@@ -167,13 +156,14 @@ impl Limit {
                     Better::Higher => value >= *worst,
                     Better::NearZero => value.abs() <= worst.abs(),
                 };
-                Ok(LimitResult {
-                    limit: text.clone(),
-                    found: rounded(value),
-                    holds,
-                })
+                (text, (rounded(value), holds))
             }
-        }
+        };
+        Ok(LimitResult {
+            limit: limit.clone(),
+            found,
+            holds,
+        })
     }
 }
 

@@ -18,6 +18,7 @@ use lumbre_report::report::{
     self, ItemKind, Report, ReportContext, ReportError, ReportItem, ReportOptions, Study,
 };
 use lumbre_report::{exr, picture};
+use lumbre_scene_io::uri;
 
 /// Runs `lumbre report`: builds a report and writes its files.
 pub fn main(args: &ReportArgs, global: &Global) -> Result<Exit, Failure> {
@@ -221,27 +222,13 @@ fn relative_url(from: &Path, to: &Path) -> String {
     let up = std::iter::repeat_n("..".to_owned(), a.len() - shared);
     let down = b[shared..]
         .iter()
-        .map(|part| percent_encoded(&part.as_os_str().to_string_lossy()));
+        .map(|part| uri::encoded(&part.as_os_str().to_string_lossy()));
     let parts: Vec<String> = up.chain(down).collect();
     if parts.is_empty() {
         ".".to_owned()
     } else {
         parts.join("/")
     }
-}
-
-/// Percent-encodes one component of a URL.
-pub(in crate::cli) fn percent_encoded(part: &str) -> String {
-    let is_plain = |b: u8| b.is_ascii_alphanumeric() || b"-_.=+,~".contains(&b);
-    part.bytes()
-        .map(|b| {
-            if is_plain(b) {
-                char::from(b).to_string()
-            } else {
-                format!("%{b:02X}")
-            }
-        })
-        .collect()
 }
 
 /// Quotes a path for the shell if necessary.

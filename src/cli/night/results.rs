@@ -1,6 +1,6 @@
 //! Results of a night: its files, tables, messages and exit code.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, display_path};
@@ -235,17 +235,11 @@ pub(super) fn print_locations(store: &Store, plan: &Plan, night: &Night) {
     ));
 }
 
-/// Prints which technique is best, by how much and how certainly, as the report says it: with the
-/// noise of references, which `night` has, and the devices of its collected `results`.
-pub(super) fn print_answer(night: &Night, results: &Night) {
+/// Prints which technique is best, by how much and how certainly, as the report says it.
+pub(super) fn print_answer(results: &Night) {
     let options = ReportOptions::default();
-    let devices = results.runs.iter();
-    let devices: BTreeMap<&str, &Option<String>> =
-        devices.map(|run| (run.id.as_str(), &run.device)).collect();
-    let device = |cell, _: &Outcome| devices.get(night.id(cell)).copied().cloned()?;
-    let results = requested::with_devices(night, device);
     // A night without measurements has no answer.
-    let Ok(study) = Study::new(std::slice::from_ref(&results), &options) else {
+    let Ok(study) = Study::new(std::slice::from_ref(results), &options) else {
         return;
     };
     for sentence in report::answer(&study, &options) {

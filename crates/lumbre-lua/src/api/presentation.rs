@@ -11,6 +11,7 @@ use lumbre_light::value::Value;
 use lumbre_light::value::schema::{SchemaError, Ty};
 use lumbre_metrics::tonemap::Tonemap;
 use lumbre_night::experiment::spec::Presentation;
+use lumbre_night::text::is_line;
 
 /// Longest name in characters.
 const LONGEST_NAME: usize = 60;
@@ -42,7 +43,7 @@ functions! {
 
 fn note(args: &Args) -> Result<LuaValue, ScriptError> {
     let text = args.text(0, "text")?;
-    if text.trim().is_empty() || text.contains(char::is_control) {
+    if !is_line(&text) {
         return Err(args.error("expected a line of text".to_owned(), None));
     }
     args.shared.builder.borrow_mut().notes.push(text);

@@ -4,10 +4,10 @@
 use std::collections::BTreeSet;
 
 use super::series::Series;
-use super::study::Study;
+use super::study::{Member, Study};
 use crate::exposure;
 use crate::plot::figure::SeriesEntry;
-use crate::plot::style::{self, Colour};
+use crate::plot::style::{self, Colour, Style};
 use lumbre_light::film::Image;
 use lumbre_metrics::tonemap::Tonemap;
 use lumbre_night::experiment::night::Night;
@@ -48,21 +48,24 @@ impl Study<'_> {
     /// Sets the styles of all series: that of its technique where each has another one, or else by
     /// their order. A colour of the script replaces that of the style.
     pub(super) fn set_styles(&mut self) {
-        let mut techniques: Vec<Option<&str>> = vec![None; self.series.len()];
+        let mut firsts: Vec<Option<Member>> = vec![None; self.series.len()];
         let mut is_mixed = false;
         for (member, (_, _, series)) in self.all().zip(self.run_positions()) {
-            let technique = member.run.integrator.as_str();
-            is_mixed |= *techniques[series].get_or_insert(technique) != technique;
+            let first = firsts[series].get_or_insert(member);
+            is_mixed |= first.run.integrator != member.run.integrator;
         }
-        let names: Vec<&str> = techniques.into_iter().flatten().collect();
+        let firsts: Vec<Member> = firsts.into_iter().flatten().collect();
+        let names: Vec<&str> = firsts.iter().map(|m| m.run.integrator.as_str()).collect();
+        let colour = |m: &Member| self.series_colour(m.night, m.run);
+        let colours: Vec<Option<Colour>> = firsts.iter().map(colour).collect();
         let distinct: BTreeSet<&str> = names.iter().copied().collect();
-        let styles = if is_mixed || distinct.len() < self.series.len() {
+        let styles: Vec<Style> = if is_mixed || distinct.len() < self.series.len() {
             (0..self.series.len()).map(style::style).collect()
         } else {
             style::of_techniques(&names)
         };
-        for (series, style) in self.series.iter_mut().zip(styles) {
-            series.style = style.coloured(series.colour);
+        for ((series, style), colour) in self.series.iter_mut().zip(styles).zip(colours) {
+            series.style = style.coloured(colour);
         }
     }
 

@@ -1,6 +1,6 @@
 //! Compared series, and how they are labelled.
 
-use crate::plot::style::{Colour, Style};
+use crate::plot::style::Style;
 use crate::plot::svg::{shorten, text_width};
 
 /// Mark at the end of the label of a series whose pictures are denoised.
@@ -15,8 +15,6 @@ pub struct Series {
     pub short_label: String,
     /// Values of the compared axes.
     pub values: Vec<String>,
-    /// Colour that the script gives to it.
-    pub colour: Option<Colour>,
     /// Style of its curves.
     pub style: Style,
     /// Group of series of the same night and device, named after the night or the device. Empty if
@@ -65,7 +63,6 @@ mod tests {
             label: "technique = bdpt".to_owned(),
             short_label: "bdpt".to_owned(),
             values: vec!["bdpt".to_owned()],
-            colour: None,
             style: Style::default(),
             group: String::new(),
             device: None,

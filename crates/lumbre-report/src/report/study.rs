@@ -233,7 +233,6 @@ impl<'a> Study<'a> {
                         label,
                         short_label,
                         values,
-                        colour: self.series_colour(night, run),
                         style: Style::default(),
                         group,
                         device,

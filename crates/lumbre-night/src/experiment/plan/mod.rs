@@ -210,7 +210,7 @@ impl PlannedCommand {
 pub struct Plan {
     /// Name of the experiment.
     pub name: String,
-    /// Hash of all identities, figures, tables and sheets, hex. The name of the folder contains its first
+    /// Hash of all identities, figures, tables and sheets, hex. The name of the folder has its first
     /// digits.
     pub hash: String,
     /// Seed of the experiment.

@@ -13,7 +13,8 @@ files! {
     pub file StatusReport = "status --json", 1 {
         /// Path of the night's folder.
         pub folder: String,
-        /// `not started`, `running`, `silent` if nothing was written for a minute, `finished`, or `ended` if work is left.
+        /// `not started`, `running`, `silent` if nothing was written for a minute, `finished`, or
+        /// `ended` if work is left.
         pub state: String,
         /// Number of cells by state.
         pub cells: CellCounts,

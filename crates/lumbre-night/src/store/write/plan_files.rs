@@ -135,7 +135,7 @@ fn planned_cell(plan: &Plan, index: usize, stop: usize) -> PlannedCell {
     let cell = &plan.cells[index];
     let folder = layout::run_name(plan, index);
     let frames = plan.sheets.iter().any(|sheet| sheet.kind() == "frames");
-    let timing = cell.config.timing.clone().filter(|_| frames);
+    let timing = cell.config.timing.as_ref().filter(|_| frames).cloned();
     let densities = plan.sheets.iter().filter_map(SheetSpec::density);
     let densities = densities.filter(|_| timing.is_some());
     let mixture = |name: &str| Some((name.to_owned(), delay::mixture(&cell.scene, name).ok()?));

@@ -71,22 +71,11 @@ pub(super) fn items(study: &Study) -> Vec<ReportItem> {
     items
 }
 
-/// Returns a night as figures and tables show it at its end: [`with_devices`], and without noise
-/// floors.
+/// Returns a night as figures and tables show it at its end: without duplicate cells of the A/A
+/// check. `device` returns the device of a run with this outcome; times of different devices are
+/// shown separately, unless every backend has a single device, since the comparison of devices is
+/// intended then.
 pub fn night(night: &Night, device: impl Fn(CellRef, &Outcome) -> Option<String>) -> Night {
-    let mut shown = with_devices(night, device);
-    for run in &mut shown.runs {
-        if !run.floors.is_empty() {
-            Arc::make_mut(run).floors.clear();
-        }
-    }
-    shown
-}
-
-/// Returns a night without duplicate cells of the A/A check. `device` returns the device of a run
-/// with this outcome; times of different devices are shown separately, unless every backend has a
-/// single device, since the comparison of devices is intended then.
-pub fn with_devices(night: &Night, device: impl Fn(CellRef, &Outcome) -> Option<String>) -> Night {
     let known = night.runs.iter().enumerate().filter_map(|(i, run)| {
         let device = device(CellRef::Cell(i), run.state.outcome()?)?;
         Some((i, (run.backend.as_str(), device)))

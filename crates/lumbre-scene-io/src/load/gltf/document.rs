@@ -11,6 +11,7 @@ use base64::{Engine, alphabet};
 use serde_json::Value as Json;
 
 use crate::load::{canonical, read_file};
+use crate::uri;
 use lumbre_light::scene::SceneError;
 
 /// Greatest size of the file, and of each external buffer, in bytes.
@@ -169,7 +170,7 @@ impl Document {
         self.path
             .parent()
             .unwrap_or(Path::new(""))
-            .join(percent_decoded(uri))
+            .join(uri::decoded(uri))
     }
 
     /// Returns the bytes of a buffer view, and its stride.
@@ -417,26 +418,6 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
         .with_decode_allow_trailing_bits(true),
 );
 
-/// Returns a `uri` with its percent-encoded characters decoded.
-fn percent_decoded(uri: &str) -> String {
-    let bytes = uri.as_bytes();
-    let (mut out, mut at) = (Vec::with_capacity(bytes.len()), 0);
-    while at < bytes.len() {
-        let hex = |k: usize| bytes.get(at + k).and_then(|b| (*b as char).to_digit(16));
-        match (bytes[at], hex(1), hex(2)) {
-            (b'%', Some(high), Some(low)) => {
-                out.push((high * 16 + low) as u8);
-                at += 3;
-            }
-            (b, ..) => {
-                out.push(b);
-                at += 1;
-            }
-        }
-    }
-    String::from_utf8_lossy(&out).into_owned()
-}
-
 /// Returns what is wrong with a document that is not JSON, or not even the beginning of it.
 fn syntax_problem(text: &[u8], error: &serde_json::Error) -> String {
     match text.trim_ascii_start().first() {
@@ -455,6 +436,6 @@ mod tests {
         assert_eq!(BASE64.decode("Zm9vYg==").unwrap(), b"foob");
         assert_eq!(BASE64.decode("Zm9vYmE").unwrap(), b"fooba");
         assert!(BASE64.decode("Zm9*").is_err() && BASE64.decode("Z").is_err());
-        assert_eq!(percent_decoded("a%20b%2"), "a b%2");
+        assert_eq!(uri::decoded("a%20b%2"), "a b%2");
     }
 }
