@@ -18,13 +18,13 @@ use lumbre_night::experiment::run_progress::{Checkpoint, RunProgress};
 use lumbre_night::experiment::shards::Shard;
 use lumbre_night::experiment::spec::{BiasCheckRequest, ReferenceRequest};
 use lumbre_night::experiment::stop::Comparison;
-use lumbre_night::experiment::{CellRef, Event, Outcome, Plan, Sink, SinkError, StopRule};
+use lumbre_night::experiment::{CellRef, Event, Outcome, Plan, Point, Sink, SinkError, StopRule};
 use lumbre_render::Settings;
 use lumbre_render::mock::{MockRenderer, RELATIVE_SIGMA};
 use lumbre_render::{Job, RenderError, Renderer};
 
 use crate::experiment::fixtures::{
-    Lab, Night, Recorder, config, depths, finished_in, ints, outcomes,
+    Lab, Night, Recorder, at, config, finished_in, ints, outcomes, whole_at,
 };
 
 const CELL: CellRef = CellRef::Cell(0);
@@ -514,7 +514,17 @@ fn with_a_deadline_both_pictures_of_a_bias_check_come_before_their_cells() {
 
 #[test]
 fn cells_are_measured_against_their_own_stored_references() {
-    let lab = depths([1, 2, 3]).measured();
+    // The depth is the inner axis, so that each cell needs another reference than the last.
+    let depth = |p: &Point, config: &mut Settings| config.max_depth = Some(whole_at(p, "depth"));
+    let mut lab = Lab::new()
+        .axis("technique", ["bpt", "nee"])
+        .axis("depth", [1i64, 2, 3]);
+    lab.configure(depth);
+    let mut lab = lab.measured();
+    lab.configure(move |p, config| {
+        depth(p, config);
+        config.integrator = at(p, "technique").as_str().unwrap_or_default().to_owned();
+    });
     let plan = lab.plan();
     let mut night = Night::default();
     for (index, reference) in plan.references.iter().enumerate() {
@@ -530,7 +540,9 @@ fn cells_are_measured_against_their_own_stored_references() {
     }
     let (summary, _) = night.record(&lab);
     // The pictures themselves are darker than 1.
-    for (run, brightness) in summary.night.runs.iter().zip([10.0, 100.0, 1000.0]) {
+    assert_eq!(summary.night.runs.len(), 6);
+    for run in &summary.night.runs {
+        let brightness = [10.0, 100.0, 1000.0][run.reference.unwrap()];
         let rmse = run.rows.last().unwrap().metrics[0];
         assert!(
             (rmse - brightness).abs() < 1.0,

@@ -3,7 +3,7 @@
 use lumbre_metrics::floor::Floor;
 use std::sync::Arc;
 
-use super::night::{NightBuilder, plan};
+use super::night::{NightBuilder, plan, plan_over};
 use lumbre_night::experiment::forecast::Forecast;
 use lumbre_night::experiment::{CellRef, EndCause, Event, Outcome};
 
@@ -57,7 +57,9 @@ fn a_run_that_is_rendered_again_has_one_past_curve() {
 
 #[test]
 fn the_noise_floor_is_that_of_the_reference_of_the_run() {
-    let mut night = NightBuilder::new(plan());
+    let mut plan = plan_over(&[3, 5], &[0.5, 1.0]);
+    plan.references.push(plan.references[0].clone());
+    let mut night = NightBuilder::new(Arc::new(plan));
     night.render(CellRef::Cell(0), 2);
     let (mut model, _) = night.model();
     for (reference, floor) in [(0, 0.25), (1, 0.5)] {
