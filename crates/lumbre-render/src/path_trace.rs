@@ -4,7 +4,7 @@
 //! contributions, so these are recorded: on every backend the same events in the same order. The
 //! vertices of a path are where its rays end.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::transport::contribution::Contribution;
@@ -39,6 +39,13 @@ pub enum PathEvent {
 }
 
 impl PathEvent {
+    /// Moves the event by a vector, as from the space of a compiled scene to that of its description.
+    pub fn move_by(&mut self, vector: DVec3) {
+        if let PathEvent::Closest { ray, .. } | PathEvent::Shadow { ray, .. } = self {
+            ray.origin = (ray.origin.as_dvec3() + vector).as_vec3();
+        }
+    }
+
     /// Returns where a nearest-hit ray ended, if it hit anything.
     pub fn vertex(&self) -> Option<Vec3> {
         match self {

@@ -64,10 +64,11 @@ pub fn main(args: &TraceArgs, global: &Global) -> Result<Exit, Failure> {
         pixel: args.pixel,
         sample: args.sample,
     };
-    let steps = (row.paths)(&scene, &job, &[sample])
+    let mut steps = (row.paths)(&scene, &job, &[sample])
         .map_err(Failure::usage)?
         .pop()
         .unwrap_or_default();
+    steps.iter_mut().for_each(|step| step.move_by(scene.origin));
     if args.json {
         let rows: Vec<Json> = steps.iter().map(|step| step_json(step, &scene)).collect();
         let json = json!({

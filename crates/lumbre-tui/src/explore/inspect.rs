@@ -121,7 +121,7 @@ pub fn inspect(query: &Query) -> Inspection {
                 "{}{instance}",
                 compiled.primitive_name(hit.primitive, hit.instance)
             ),
-            position: surface.position.to_array(),
+            position: compiled.described(surface.position).to_array(),
             distance: hit.t,
             light: (surface.emitter != NONE).then_some((surface.emitter, emitted.to_array())),
             lobe,

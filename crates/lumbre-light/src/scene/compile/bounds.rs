@@ -1,8 +1,58 @@
 //! Bounding box and bounding sphere of a scene, without visiting every vertex of every instance.
 
-use glam::Vec3;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
 
 use super::{CompiledScene, Instance};
+use crate::scene::desc::{MAX_COORDINATE, SceneDesc, ShapeDesc};
+
+/// Greatest coordinate of a scene relative to its size up to which it is compiled where it is.
+const FAR: f64 = 8.0;
+
+/// Returns the point of a description that becomes the origin of its compiled scene: the origin, or
+/// for a scene that lies far from it a point near its middle.
+///
+/// The point is a multiple of a power of two about as large as the scene, so that it is subtracted
+/// from single-precision coordinates without rounding.
+pub(super) fn origin(desc: &SceneDesc) -> DVec3 {
+    let mut boxes: BTreeMap<*const _, [DVec3; 2]> = BTreeMap::new();
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for entity in &desc.entities {
+        let to_world = entity.transform.to_world();
+        match &entity.shape {
+            ShapeDesc::Sphere { radius } => {
+                let radius = f64::from(*radius * entity.transform.sphere_scale().unwrap_or(1.0));
+                low = low.min(to_world.translation - radius);
+                high = high.max(to_world.translation + radius);
+            }
+            ShapeDesc::Mesh(mesh) => {
+                let own = boxes.entry(Arc::as_ptr(mesh)).or_insert_with(|| {
+                    let start = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+                    let points = mesh.positions.iter();
+                    points
+                        .fold(start, |[low, high], p| [low.min(*p), high.max(*p)])
+                        .map(|corner| corner.as_dvec3())
+                });
+                for i in 0..8 {
+                    let pick = |bit: usize| own[usize::from(i & bit != 0)];
+                    let corner = DVec3::new(pick(1).x, pick(2).y, pick(4).z);
+                    let corner = to_world.transform_point3(corner);
+                    (low, high) = (low.min(corner), high.max(corner));
+                }
+            }
+        }
+    }
+    let size = (high - low).max_element();
+    let extent = low.abs().max(high.abs()).max_element();
+    // Points out of range are an error, which states where they are.
+    if !(size > 0.0 && extent > FAR * size && extent <= f64::from(MAX_COORDINATE)) {
+        return DVec3::ZERO;
+    }
+    let step = size.log2().floor().exp2();
+    ((low + (high - low) * 0.5) / step).round() * step
+}
 
 /// Corners of the bounding box of a mesh, transformed to the world by an instance.
 type TransformedBox = [Vec3; 8];

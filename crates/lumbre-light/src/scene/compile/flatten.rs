@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::instancing::{self, Sharing};
 use super::mesh::{add_mesh, in_range, mesh_entities, push_emitter, with_own_direction};
@@ -91,24 +91,27 @@ pub fn compile_sharing(
 
 /// Returns the compiled scene before any surface is added.
 fn without_surfaces(desc: &SceneDesc, notes: &mut Vec<Note>) -> Result<CompiledScene, SceneError> {
-    let camera = compile_camera(&desc.camera, notes)?;
     let (materials, textures, delays) = materials::compile(desc, notes)?;
-    let lights = lights::compile(desc, notes)?;
-    Ok(CompiledScene {
+    let mut scene = CompiledScene {
         content_hash: content_hash(desc),
         materials,
         delays,
         textures,
-        camera,
         resolution: desc.resolution,
         max_depth: desc.max_depth,
-        ..lights
-    })
+        origin: bounds::origin(desc),
+        ..lights::compile(desc, notes)?
+    };
+    scene.camera = scene.placed_camera(&desc.camera, notes)?;
+    for i in 0..scene.points.len() {
+        scene.points[i].position = scene.placed(scene.points[i].position);
+    }
+    Ok(scene)
 }
 
-/// Size of a scene, the diagonal of its bounding box, below which the fixed distance by which rays
-/// start off surfaces near the origin shows.
-const SMALL_SCENE: f32 = 0.01;
+/// Size of a scene, the diagonal of its bounding box, below which products of lengths and densities
+/// can leave the range of single precision.
+const SMALL_SCENE: f32 = 1e-7;
 
 /// Greatest coordinate of a scene relative to its size above which the precision of its coordinates
 /// shows.
@@ -117,23 +120,20 @@ const FAR_SCENE: f32 = 1e3;
 /// Notes a scene that is too small, or too far from the origin for its size.
 fn note_scale(scene: &CompiledScene, notes: &mut Vec<Note>) {
     let [low, high] = scene.bounds;
-    let (size, extent) = (
-        (high - low).length(),
-        low.abs().max(high.abs()).max_element(),
-    );
+    let [near, far] = scene.bounds.map(|corner| scene.described(corner).abs());
+    let (size, extent) = ((high - low).length(), near.max(far).max_element());
     if scene.primitive_count() == 0 || !size.is_finite() || size == 0.0 {
         return;
     }
     let message = if extent > FAR_SCENE * size {
         format!(
             "the scene measures {size:.3e} units but lies up to {extent:.3e} from the origin, where \
-             single precision is too coarse for it: shadows and light may be wrong; move it to the \
-             origin"
+             single precision is too coarse for it: shapes may be wrong; move it to the origin"
         )
     } else if size < SMALL_SCENE {
         format!(
-            "the scene measures only {size:.3e} units: rays start 1.5e-5 units off surfaces, which \
-             loses light at this size; scale it up"
+            "the scene measures only {size:.3e} units, where densities leave the range of single \
+             precision; scale it up"
         )
     } else {
         return;
@@ -253,10 +253,12 @@ fn add_sphere(
                 .to_owned(),
         );
     };
-    let center = entity
-        .transform
-        .frame
-        .transform_point3(entity.transform.translate);
+    let center = if scene.origin == DVec3::ZERO {
+        let frame = entity.transform.frame;
+        frame.transform_point3(entity.transform.translate)
+    } else {
+        (entity.transform.to_world().translation - scene.origin).as_vec3()
+    };
     let radius = radius * scale;
     if !(radius > 0.0 && radius <= MAX_COORDINATE) {
         return fail(format!("a sphere needs a positive radius, found {radius}"));

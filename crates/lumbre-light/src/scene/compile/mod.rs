@@ -18,7 +18,7 @@ mod texels;
 mod texture;
 mod texture_bank;
 
-use glam::{Vec2, Vec3, Vec4};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
 pub use delays::{Blend, DelayParam, DelayProfile, Delays, MaterialComponent};
@@ -33,6 +33,7 @@ pub use texture::{Footprint, Texture, Uv, UvMap};
 
 use super::desc::CameraDesc;
 pub use super::desc::{DelayKind, Distribution, Lookup, MaskMode, Model, Wrap};
+use super::{Note, SceneError};
 pub use instancing::{SHARED_FROM, Sharing};
 pub use materials::diffuse_reflectance;
 
@@ -85,6 +86,9 @@ pub struct CompiledScene {
     pub environment: Option<Environment>,
     /// Camera of the scene.
     pub camera: CameraDesc,
+    /// Point of the description that is the origin here: zero, or the middle of a scene that lies
+    /// far from the origin for its size, whose coordinates would be too coarse in single precision.
+    pub origin: DVec3,
     /// Corners of the bounding box; both zero for an empty scene.
     pub bounds: [Vec3; 2],
     /// Width and height in pixels, as requested by the description.
@@ -283,6 +287,34 @@ impl CompiledScene {
     /// [`CompiledScene::flattened_count`].
     pub fn primitive_count(&self) -> usize {
         self.triangles.len() + self.spheres.len()
+    }
+
+    /// Returns a point of this scene in the space of its description.
+    #[inline]
+    pub fn described(&self, point: Vec3) -> Vec3 {
+        (point.as_dvec3() + self.origin).as_vec3()
+    }
+
+    /// Returns a point of the description in the space of this scene.
+    fn placed(&self, point: Vec3) -> Vec3 {
+        (point.as_dvec3() - self.origin).as_vec3()
+    }
+
+    /// Returns a camera of the description as one of this scene: see [`compile_camera`].
+    ///
+    /// # Errors
+    /// Fails like [`compile_camera`].
+    pub fn placed_camera(
+        &self,
+        camera: &CameraDesc,
+        notes: &mut Vec<Note>,
+    ) -> Result<CameraDesc, SceneError> {
+        let camera = compile_camera(camera, notes)?;
+        Ok(CameraDesc {
+            position: self.placed(camera.position),
+            target: self.placed(camera.target),
+            ..camera
+        })
     }
 
     /// Returns the corners of the scene's bounding box, and the greatest distance of a surface from

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::experiment::plan::Plan;
 use crate::experiment::spec::{FigureKind, RunColumn, TableValue};
-use lumbre_light::scene::compile::{Sharing, compile_camera};
+use lumbre_light::scene::compile::Sharing;
 use lumbre_light::scene::desc::content_hash;
 use lumbre_light::scene::{CompiledScene, Note, SceneDesc, SceneError};
 use lumbre_render::View;
@@ -56,7 +56,7 @@ impl RunScene {
             None
         } else {
             Some(View {
-                camera: compile_camera(&desc.camera, &mut notes)?,
+                camera: compiled.placed_camera(&desc.camera, &mut notes)?,
                 content_hash: hash,
             })
         };

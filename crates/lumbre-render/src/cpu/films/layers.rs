@@ -272,7 +272,7 @@ fn first_hit(context: &Context, pixel: [u32; 2], sampler: &mut Sampler) -> Optio
             surface.n_shading
         },
         distance: ray.origin.distance(surface.position),
-        position: surface.position,
+        position: scene.described(surface.position),
         uv: uv_at(scene, &ray, &hit).first,
         shape,
         primitive,

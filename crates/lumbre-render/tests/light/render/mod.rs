@@ -50,6 +50,7 @@ mod photons;
 mod registry;
 mod roulette;
 mod sampling;
+mod scale;
 mod studies;
 mod surface;
 mod surface_bumps;

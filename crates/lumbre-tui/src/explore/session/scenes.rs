@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::shared::{LoadedScene, Request, SLOTS, SessionOptions};
 use crate::explore::settings::{SceneFacts, SceneFile, is_camera_change};
-use lumbre_light::scene::compile::{compile_camera, compile_sharing};
+use lumbre_light::scene::compile::compile_sharing;
 use lumbre_light::scene::desc::SceneDesc;
 use lumbre_light::scene::{CompiledScene, desc};
 use lumbre_light::transport::integrator::external::is_external;
@@ -77,7 +77,8 @@ impl Scenes {
         let known = &self.known[index];
         let facts = &known.loaded.facts;
         let camera = facts.camera_with(&camera_changes)?;
-        let camera = compile_camera(&camera, &mut Vec::new()).map_err(|e| e.to_string())?;
+        let camera = known.compiled.placed_camera(&camera, &mut Vec::new());
+        let camera = camera.map_err(|e| e.to_string())?;
         let job = config.job(
             known.compiled.resolution,
             facts.max_depth,
