@@ -9,6 +9,19 @@ use lumbre_light::scene::desc::{Distribution, MaterialDesc};
 pub(crate) const SMOOTH_BLEND: &str = "Mitsuba loses light where it blends a perfectly smooth lobe \
                                        with another surface, by up to 25 %";
 
+/// Phong's model, by lobes about the reflected direction.
+pub(crate) const PHONG: &str = "lobes of the `phong` model are about the reflected direction; a \
+                                Beckmann lobe of the same width near the mirror direction is used, \
+                                which is narrower at grazing angles";
+
+/// Ward's model.
+pub(crate) const WARD: &str = "lobes of the `ward` model have no shadowing; a Beckmann lobe of the \
+                               same width is used, which is darker at grazing angles";
+
+/// Coatings, as plastics.
+pub(crate) const COATING: &str = "light that a coating reflects back inside is lost in Mitsuba; here \
+                                  it reaches the surface again, as below a plastic with `nonlinear`";
+
 /// Slopes of bump maps.
 pub(crate) const BUMPS: &str = "slopes of height maps are differences over one texel here and \
                                 derivatives in Mitsuba: steep maps of few texels differ by up to \

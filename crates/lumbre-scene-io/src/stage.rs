@@ -21,10 +21,16 @@ pub enum Stage {
     Bare,
 }
 
+/// Scene option that names a stage.
+pub const OPTION: &str = "stage";
+
+/// Name of [`Stage::White`].
+pub const WHITE: &str = "white";
+
 /// Names of the stages in scene options, in the order of their variants.
 pub const STAGES: [(&str, Stage); 3] = [
     ("studio", Stage::Studio),
-    ("white", Stage::White),
+    (WHITE, Stage::White),
     ("none", Stage::Bare),
 ];
 

@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 use lumbre_light::scene::compile;
 use lumbre_light::scene::compile::Wrap;
-use lumbre_light::scene::desc::{SceneDesc, ShapeDesc, Texels, TextureSlot};
+use lumbre_light::scene::desc::{Model, SceneDesc, ShapeDesc, Texels, TextureSlot};
 
 use super::{Folder, lines};
 
@@ -159,4 +159,121 @@ fn a_mirrored_sphere_is_inside_out() {
     assert_eq!(fronts(r#"<scale x="-1" y="1" z="1"/>"#), -1.0);
     assert_eq!(fronts(r#"<scale value="-1"/>"#), -1.0);
     assert_eq!(fronts(r#"<scale x="-1" y="-1" z="1"/>"#), 1.0);
+}
+
+/// Loads a rectangle with a surface, and returns its material with all parts by name.
+fn surface(inner: &str) -> (SceneDesc, String) {
+    read(
+        "0.6.0",
+        &format!(r#"<shape type="rectangle">{inner}</shape>"#),
+    )
+}
+
+#[test]
+fn weights_of_a_mixture_add_up_and_the_rest_is_absorbed() {
+    let mixture = |weights: &str| {
+        let one = r#"<bsdf type="diffuse"><spectrum name="reflectance" value="0.8"/></bsdf>"#;
+        surface(&format!(
+            r#"<bsdf type="mixturebsdf"><string name="weights" value="{weights}"/>{one}{one}</bsdf>"#
+        ))
+    };
+    let (desc, notes) = mixture("0.5, 0.25");
+    let whole = desc.materials.iter().find(|m| m.parts.len() == 3).unwrap();
+    assert_eq!(whole.weights, [0.5, 0.25, 0.25]);
+    let rest = desc
+        .materials
+        .iter()
+        .find(|m| m.name == whole.parts[2])
+        .unwrap();
+    assert_eq!(rest.base_color, Vec3::ZERO);
+    assert!(!notes.contains("weights"), "{notes}");
+    let (desc, notes) = mixture("1 3");
+    let whole = desc.materials.iter().find(|m| m.parts.len() == 2).unwrap();
+    assert_eq!(whole.weights, [0.25, 0.75]);
+    assert!(notes.contains("the weights sum to 4"), "{notes}");
+}
+
+/// The two parts drawn by their weights have the reflectances of the file together.
+#[test]
+fn phong_and_ward_are_a_diffuse_surface_and_a_mirror() {
+    for (plugin, shape) in [
+        ("phong", r#"<float name="exponent" value="50"/>"#),
+        (
+            "ward",
+            r#"<float name="alphaU" value="0.1"/><float name="alphaV" value="0.1"/>"#,
+        ),
+    ] {
+        let colors = |diffuse: &str, glossy: &str| {
+            surface(&format!(
+                r#"<bsdf type="{plugin}"><rgb name="diffuseReflectance" value="{diffuse}"/>
+<rgb name="specularReflectance" value="{glossy}"/>{shape}</bsdf>"#
+            ))
+        };
+        let parts = |desc: &SceneDesc| {
+            let whole = desc.materials.iter().find(|m| m.parts.len() == 2).unwrap();
+            let part = |i: usize| {
+                let m = desc
+                    .materials
+                    .iter()
+                    .find(|m| m.name == whole.parts[i])
+                    .unwrap();
+                (m.base_color * whole.weights[i], m.roughness)
+            };
+            [part(0), part(1)]
+        };
+        let (desc, notes) = colors("0.4, 0.2, 0.1", "0.3");
+        assert!(notes.contains(plugin), "{notes}");
+        let [diffuse, glossy] = parts(&desc);
+        let near = |a: Vec3, b: Vec3| (a - b).abs().max_element() < 1e-6;
+        assert!(near(diffuse.0, Vec3::new(0.4, 0.2, 0.1)), "{diffuse:?}");
+        assert!(near(glossy.0, Vec3::splat(0.3)), "{glossy:?}");
+        // alpha: sqrt(2 / (4 * 50 + 2)), and as given.
+        let alpha = glossy.1 * glossy.1;
+        assert!((alpha - 0.1).abs() < 1e-3, "{alpha}");
+        // Together too bright: in proportion.
+        let [diffuse, glossy] = parts(&colors("0.8", "0.8").0);
+        assert!(near(diffuse.0, Vec3::splat(0.5)) && near(glossy.0, Vec3::splat(0.5)));
+        let [diffuse, _] = parts(&colors("0.5", "0").0);
+        assert!(near(diffuse.0, Vec3::splat(0.5)));
+    }
+}
+
+#[test]
+fn a_coating_over_a_diffuse_surface_is_a_plastic() {
+    let coated = |inner: &str| {
+        surface(&format!(
+            r#"<bsdf type="roughcoating"><float name="alpha" value="0.2"/>
+<float name="intIOR" value="1.7"/><bsdf type="{inner}"/></bsdf>"#
+        ))
+    };
+    let (desc, notes) = coated("diffuse");
+    let m = &desc.materials[0];
+    assert_eq!(m.model, Model::Plastic, "{notes}");
+    assert!((m.ior - 1.7 / 1.000_277).abs() < 1e-5 && (m.roughness.powi(2) - 0.2).abs() < 1e-5);
+    let (desc, notes) = coated("conductor");
+    assert_eq!(desc.materials[0].model, Model::Conductor);
+    assert!(
+        notes.contains("another surface than a diffuse one"),
+        "{notes}"
+    );
+}
+
+/// Radiances of Planck's law at 560 nm, near the maximum of the eye's sensitivity, by the
+/// constants of the SI: 5000 K emit 1.276e4 W m^-2 sr^-1 nm^-1 there.
+#[test]
+fn black_bodies_are_warm_or_cold_and_as_bright_as_planck_says() {
+    let emitter = |attributes: &str| {
+        let (desc, notes) = surface(&format!(
+            r#"<emitter type="area"><blackbody name="radiance" {attributes}/></emitter>"#
+        ));
+        let mut emissions = desc.materials.iter().map(|m| m.emission);
+        let found = emissions.find(|e| *e != Vec3::ZERO);
+        found.unwrap_or_else(|| panic!("{notes}"))
+    };
+    let luminance = |c: Vec3| c.dot(Vec3::new(0.2126, 0.7152, 0.0722));
+    let sun = emitter(r#"temperature="5000K""#);
+    assert!((luminance(sun) / 1.276e4 - 1.0).abs() < 0.05, "{sun}");
+    assert!(sun.x > sun.y && sun.y > sun.z, "{sun}");
+    let sky = emitter(r#"temperature="12000" scale="0.001""#);
+    assert!(sky.z > sky.x && sky.z < 1e4, "{sky}");
 }

@@ -27,6 +27,7 @@ mod mitsuba;
 mod mitsuba_damaged;
 mod mitsuba_files;
 mod mitsuba_legacy;
+mod nothing_silent;
 mod obj;
 mod obj_state;
 mod pbrt;

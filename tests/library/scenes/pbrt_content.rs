@@ -6,10 +6,11 @@ use std::f32::consts::PI;
 use glam::{Vec2, Vec3};
 use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{
-    ConeEdge, EntityDesc, EnvironmentSource, LightKind, MaskMode, MaterialDesc, Model,
+    ConeEdge, EntityDesc, EnvironmentSource, LightKind, MaskMode, MaterialDesc, Model, SceneDesc,
     TextureFilter, TextureSlot, Wrap,
 };
 
+use super::mesh_of;
 use super::pbrt::{TRIANGLE, VIEW, read, read_files, read_v3, refused};
 use super::samples::picture;
 
@@ -455,4 +456,70 @@ fn the_film_exposes_and_environments_are_turned() {
         format!("{VIEW}WorldBegin\nLightSource \"infinite\" \"string filename\" \"t.png\"\n");
     let e = read_files(&[("a.pbrt", wide.as_bytes()), ("t.png", &png)]).unwrap_err();
     assert!(e.contains("a square of equal areas"), "{e}");
+}
+
+/// Curves of a straight line from the origin to (3, 0, 0), by basis and degree.
+#[test]
+fn curves_become_tubes_and_ribbons_of_their_widths() {
+    let curve = |more: &str| read(&format!("Shape \"curve\" {more}\n"));
+    let extent = |desc: &SceneDesc| {
+        let mesh = mesh_of(desc, 0);
+        let (low, high) = mesh
+            .positions
+            .iter()
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| {
+                (low.min(*p), high.max(*p))
+            });
+        (low, high)
+    };
+    for points in [
+        "\"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0]",
+        "\"integer degree\" 2 \"point3 P\" [0 0 0 1.5 0 0 3 0 0]",
+        "\"string basis\" \"bspline\" \"point3 P\" [-3 0 0 0 0 0 3 0 0 6 0 0]",
+    ] {
+        let (desc, notes) = curve(&format!(
+            "{points} \"float width0\" 0.4 \"float width1\" 0.2"
+        ));
+        let (low, high) = extent(&desc);
+        assert!((high.x - low.x - 3.0).abs() < 0.7, "{points}: {low} {high}");
+        assert!(
+            (low.z + 0.2).abs() < 0.03 && (high.z - 0.2).abs() < 0.03,
+            "{low} {high}"
+        );
+        assert!(notes.contains("becomes a tube"), "{notes}");
+    }
+    let line = "\"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0]";
+    let (desc, notes) = curve(&format!(
+        "{line} \"string type\" \"cylinder\" \"float width\" 0.4"
+    ));
+    assert!(!notes.contains("tube"), "{notes}");
+    let radii = mesh_of(&desc, 0).positions.iter().map(|p| p.y.hypot(p.z));
+    assert!(radii.into_iter().all(|r| r < 0.2001), "a round tube");
+    let ribbon =
+        format!("{line} \"string type\" \"ribbon\" \"normal N\" [0 1 0 0 1 0] \"float width\" 0.4");
+    let (desc, _) = curve(&ribbon);
+    let (low, high) = extent(&desc);
+    assert!(low.distance(Vec3::new(0.0, 0.0, -0.2)) < 1e-6, "{low}");
+    assert!(high.distance(Vec3::new(3.0, 0.0, 0.2)) < 1e-6, "{high}");
+    assert!(mesh_of(&desc, 0).normals.iter().all(|n| n.y > 0.999));
+    for (bad, expected) in [
+        ("\"point3 P\" [0 0 0 1 0 0]", "no curve of degree 3"),
+        (
+            "\"point3 P\" [0 0 0 1 0 0 2 0 0 3 0 0 4 0 0]",
+            "no curve of degree 3",
+        ),
+        ("\"point3 P\" [0 0 0 0 0 0 0 0 0 0 0 0]", "coincide"),
+        (
+            &ribbon.replace("[0 1 0 0 1 0]", "[0 1 0]"),
+            "needs 2 normals, found 1",
+        ),
+        (&format!("{line} \"float width\" 0"), "must be above 0"),
+        (
+            &format!("{line} \"string type\" \"hair\""),
+            "unknown type of curve `hair`",
+        ),
+    ] {
+        let message = refused(&format!("Shape \"curve\" {bad}\n"));
+        assert!(message.contains(expected), "{bad}: {message}");
+    }
 }

@@ -44,38 +44,35 @@ impl std::fmt::Display for Note {
     }
 }
 
-/// Greatest number of notes with the same message that are kept of one file.
-const MAX_EQUAL: usize = 5;
+/// Greatest number of places that a note on several of one file names.
+const MAX_PLACES: usize = 5;
 
 /// Greatest number of notes that are kept in all.
 const MAX_NOTES: usize = 100;
 
-/// Shortens a list of notes, in which a file may repeat one message for each of its objects: of one
-/// message the first five places are kept and the others counted, and of all notes the first
-/// hundred are kept and the others counted.
+/// Shortens a list of notes, in which a file may repeat one message for each of its objects: notes of
+/// one message become one, with the first five places by name and the number of others, and of all
+/// notes the first hundred are kept and the others counted.
 pub fn summed_up(notes: Vec<Note>) -> Vec<Note> {
-    let mut places: BTreeMap<(PathBuf, String), usize> = BTreeMap::new();
-    let mut kept = Vec::new();
+    let mut known: BTreeMap<(PathBuf, String), (usize, usize)> = BTreeMap::new();
+    let mut kept: Vec<Note> = Vec::new();
     for note in notes {
-        let count = places
-            .entry((note.file.clone(), note.message.clone()))
-            .or_default();
-        *count += 1;
-        if *count <= MAX_EQUAL {
+        let key = (note.file.clone(), note.message.clone());
+        let (index, places) = known.entry(key).or_insert((kept.len(), 0));
+        *places += 1;
+        if *places == 1 {
             kept.push(note);
+        } else if *places <= MAX_PLACES {
+            kept[*index].place += &format!(", {}", note.place);
+        }
+    }
+    for (index, places) in known.into_values() {
+        if places > MAX_PLACES {
+            kept[index].place += &format!(" and {} more places", places - MAX_PLACES);
         }
     }
     let left_out = kept.len().saturating_sub(MAX_NOTES);
     kept.truncate(MAX_NOTES);
-    for ((file, message), count) in places {
-        if count > MAX_EQUAL && kept.iter().any(|n| n.file == file && n.message == message) {
-            kept.push(Note::new(
-                file,
-                format!("and {} more places", count - MAX_EQUAL),
-                message,
-            ));
-        }
-    }
     if left_out > 0 {
         kept.push(Note::new(
             "",
@@ -96,7 +93,7 @@ mod tests {
 
     #[test]
     fn a_few_notes_stay_as_they_are() {
-        let notes: Vec<Note> = (0..5).map(|i| note(i, "ignored")).collect();
+        let notes: Vec<Note> = (0..5).map(|i| note(i, &format!("m{i}"))).collect();
         assert_eq!(summed_up(notes.clone()), notes);
     }
 
@@ -105,9 +102,12 @@ mod tests {
         let mut notes: Vec<Note> = (0..20_000).map(|i| note(i, "ignored")).collect();
         notes.push(note(7, "no light"));
         let kept = summed_up(notes);
-        assert_eq!(kept.len(), 7);
-        assert_eq!(kept[5], note(7, "no light"));
-        assert_eq!(kept[6].to_string(), "a.xml: and 19995 more places: ignored");
+        assert_eq!(kept.len(), 2);
+        assert_eq!(kept[1], note(7, "no light"));
+        assert_eq!(
+            kept[0].to_string(),
+            "a.xml: line 0, line 1, line 2, line 3, line 4 and 19995 more places: ignored"
+        );
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! represent. Sizes are checked before anything is read, and memory is bounded by the size of the
 //! files.
 
+mod beside;
 pub(super) mod default_scene;
 mod environment;
 pub mod files;
@@ -26,6 +27,7 @@ mod scn;
 mod spectrum;
 mod unknown;
 
+use beside::beside;
 pub use images::load as texture;
 pub(crate) use pbrt::environment_square;
 pub(crate) use reading::{canonical, open, read_file, unreadable, with_lenient_hint};
@@ -171,6 +173,8 @@ fn load_any(
             ));
         }
     };
+    let mut notes = notes;
+    notes.extend(beside::notes());
     Ok((format, desc, note::summed_up(notes)))
 }
 
@@ -204,6 +208,13 @@ pub fn load_on_stage(
         None => {}
     }
     Ok((desc, notes))
+}
+
+/// Returns whether files of this name are models, which usually bring no light.
+pub fn is_named_as_model(path: &Path) -> bool {
+    let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
+    let mut rows = FORMATS.iter().filter(|row| row.is_model);
+    rows.any(|row| row.extensions.iter().any(|known| extension == *known))
 }
 
 /// Returns the format of a file, by its extension or its first bytes.

@@ -10,6 +10,7 @@ use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use base64::{Engine, alphabet};
 use serde_json::Value as Json;
 
+use crate::load::beside;
 use crate::load::{canonical, read_file};
 use crate::uri;
 use lumbre_light::scene::SceneError;
@@ -167,10 +168,10 @@ impl Document {
 
     /// Returns the path of a relative `uri`.
     pub fn relative_path(&self, uri: &str) -> PathBuf {
-        self.path
-            .parent()
-            .unwrap_or(Path::new(""))
-            .join(uri::decoded(uri))
+        beside(
+            self.path.parent().unwrap_or(Path::new("")),
+            &uri::decoded(uri),
+        )
     }
 
     /// Returns the bytes of a buffer view, and its stride.

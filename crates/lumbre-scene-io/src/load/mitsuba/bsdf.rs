@@ -1,6 +1,7 @@
 //! Surfaces of Mitsuba scenes: plugins of the class `bsdf`, converted to materials.
 
 mod adapters;
+mod old;
 
 use std::collections::BTreeSet;
 use std::rc::Rc;
@@ -108,6 +109,8 @@ impl BsdfReader<'_> {
                 self.normal_map(o)
             }
             "blendbsdf" => self.blend(o, two_sided, depth),
+            "mixturebsdf" => self.mixture(o, two_sided, depth),
+            "coating" | "roughcoating" => self.coating(o, two_sided, depth),
             _ => {
                 self.plugin(o)?;
                 let transmits = matches!(self.m.model, Model::Dielectric | Model::Translucent);
@@ -169,6 +172,8 @@ impl BsdfReader<'_> {
                 Ok(())
             }
             "principled" => self.principled(o),
+            "phong" => self.phong(o),
+            "ward" => self.ward(o),
             "null" => {
                 // A pane with the index of the outside transmits everything unchanged.
                 (self.m.model, self.m.thin, self.m.ior) = (Model::Dielectric, true, 1.0);
@@ -398,12 +403,17 @@ impl BsdfReader<'_> {
         )))
     }
 
+    /// Reads the index of the inside relative to the outside.
+    fn relative_index(&self, o: &XmlObject, inside: f64) -> Result<f32, SceneError> {
+        let index = self.index(o, "int_ior", inside)? / self.index(o, "ext_ior", 1.000_277)?;
+        Ok(index as f32)
+    }
+
     /// Reads a dielectric; a smooth one unless [`BsdfReader::rough`] follows.
     fn dielectric(&mut self, o: &XmlObject) -> Result<(), SceneError> {
         (self.m.model, self.m.roughness) = (Model::Dielectric, 0.0);
         self.m.opacity = 0.0;
-        self.m.ior =
-            (self.index(o, "int_ior", 1.5046)? / self.index(o, "ext_ior", 1.000_277)?) as f32;
+        self.m.ior = self.relative_index(o, 1.5046)?;
         self.m.specular = self.constant_color(o, "specular_reflectance")?;
         let transmittance = self.constant_color(o, "specular_transmittance")?;
         self.m.base_color = transmittance * transmittance;
@@ -413,8 +423,7 @@ impl BsdfReader<'_> {
     /// Reads a plastic; a smooth one unless [`BsdfReader::rough`] follows.
     fn plastic(&mut self, o: &XmlObject) -> Result<(), SceneError> {
         (self.m.model, self.m.roughness) = (Model::Plastic, 0.0);
-        self.m.ior =
-            (self.index(o, "int_ior", 1.49)? / self.index(o, "ext_ior", 1.000_277)?) as f32;
+        self.m.ior = self.relative_index(o, 1.49)?;
         self.base(o, "diffuse_reflectance", 0.5)?;
         self.m.specular = self.constant_color(o, "specular_reflectance")?;
         self.m.nonlinear = o.flag("nonlinear", false)?;

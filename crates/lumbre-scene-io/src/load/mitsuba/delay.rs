@@ -80,17 +80,8 @@ fn composed(
             .parts
             .push(loader.surface(part, Some(name), two_sided)?);
     }
-    material.weights = match o.text("weights")? {
-        Some(text) => {
-            let words = text.split([',', ' ']).filter(|w| !w.is_empty());
-            let numbers: Result<Vec<f32>, _> = words.map(str::parse).collect();
-            numbers.map_err(|_| {
-                o.error(format!(
-                    "expected numbers in `weights`, found `{}`",
-                    truncated(text)
-                ))
-            })?
-        }
+    material.weights = match o.numbers("weights")? {
+        Some(weights) => weights,
         None if inside.len() == 2 => {
             let first = o.number("weight", 0.5)? as f32;
             vec![first, 1.0 - first]

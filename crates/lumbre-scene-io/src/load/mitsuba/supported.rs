@@ -11,9 +11,9 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
         limits: "document types and entities are refused",
     },
     SupportedElement {
-        name: "`rgb`, `spectrum`",
+        name: "`rgb`, `spectrum`, `blackbody`",
         support: "linear sRGB, `#rrggbb`, `srgb`; a number, pairs `nm:value`, a `filename`, `uniform` and \
-                  `d65` as in Mitsuba's RGB variants. In files of version 0.6 a number of an emitter \
+                  `d65` as in Mitsuba's RGB variants; `temperature` and `scale`. In files of version 0.6 a number of an emitter \
                   is D65",
         limits: "other spectra are refused",
     },
@@ -128,6 +128,22 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
         name: "`blendbsdf`",
         support: "`weight` of the second surface: one of the two is drawn at every vertex",
         limits: "a mask inside is noted",
+    },
+    SupportedElement {
+        name: "`mixturebsdf`",
+        support: "`weights`; what they lack to one is absorbed. A plugin of version 0.6",
+        limits: "weights above one in all are divided by their sum, with a note",
+    },
+    SupportedElement {
+        name: "`phong`, `ward`",
+        support: "`diffuse_reflectance`, `specular_reflectance`, `exponent`, `alpha_u`, `alpha_v`: a diffuse \
+                  surface and a rough mirror. Plugins of version 0.6",
+        limits: "the shape of the lobe is noted",
+    },
+    SupportedElement {
+        name: "`coating`, `roughcoating`",
+        support: "over a diffuse surface: a plastic. Plugins of version 0.6",
+        limits: "absorption is noted; over other surfaces the coating is left out, with a note",
     },
     SupportedElement {
         name: "`Separable`, `Composed`, `TemporalProfile`",

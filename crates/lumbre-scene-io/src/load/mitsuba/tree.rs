@@ -13,6 +13,7 @@ use glam::{DAffine3, Vec3};
 
 pub(super) use self::reader::scene;
 
+use crate::load::beside;
 use crate::load::files;
 use lumbre_light::scene::{Note, SceneError};
 
@@ -64,12 +65,11 @@ pub(super) struct XmlObject {
 /// Returns the path of a file that another file names: in the first of the folders that has it, else
 /// beside that file.
 fn find_file(folders: &[PathBuf], named_in: &Path, file: &str) -> PathBuf {
-    let file = file.replace('\\', "/");
-    let beside = named_in.parent().unwrap_or(Path::new("")).join(&file);
-    let mut found = folders.iter().map(|folder| folder.join(&file));
+    let written = file.replace('\\', "/");
+    let mut found = folders.iter().map(|folder| folder.join(&written));
     found
         .find(|path| files::check(path).is_ok() && path.is_file())
-        .unwrap_or(beside)
+        .unwrap_or_else(|| beside(named_in.parent().unwrap_or(Path::new("")), file))
 }
 
 impl XmlObject {
@@ -143,6 +143,22 @@ impl XmlObject {
             Some(Property::Value(PropertyValue::Flag(x))) => Ok(*x),
             Some(_) => Err(self.type_error(name, "a boolean")),
         }
+    }
+
+    /// Returns the numbers of a text, between commas or white space.
+    ///
+    /// # Errors
+    /// Fails if the property is no text, or a word of it no number.
+    pub fn numbers(&self, name: &str) -> Result<Option<Vec<f32>>, SceneError> {
+        let Some(text) = self.text(name)? else {
+            return Ok(None);
+        };
+        let words = text.split(|c: char| c == ',' || c.is_whitespace());
+        let words = words.filter(|word| !word.is_empty());
+        let numbers: Result<Vec<f32>, _> = words.map(str::parse).collect();
+        let shown = super::values::truncated(text);
+        let expected = || self.error(format!("expected numbers in `{name}`, found `{shown}`"));
+        numbers.map(Some).map_err(|_| expected())
     }
 
     /// Returns a string, if the property is present.

@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
-use crate::load::spectrum::{Sampled, to_srgb, under_daylight, xyz};
+use crate::load::spectrum::{Sampled, planck, to_srgb, under_daylight, xyz};
 use lumbre_light::scene::compile::{Curve, srgb_to_linear};
 
 /// Returns the beginning of a text, for messages.
@@ -98,6 +98,8 @@ pub(super) enum Spectrum {
     Constant(f64),
     /// Values at some wavelengths, 0 beyond them.
     Sampled(Sampled),
+    /// Radiance of a black body of a temperature in kelvin, times a factor.
+    BlackBody([f64; 2]),
     /// A grey in RGB.
     Grey(f64),
     /// A colour that is no spectrum.
@@ -113,6 +115,9 @@ impl Spectrum {
             Spectrum::Constant(x) | Spectrum::Grey(x) => DVec3::splat(*x),
             Spectrum::Sampled(samples) if emits => to_srgb() * xyz(|nm| samples.at_or_zero(nm)),
             Spectrum::Sampled(samples) => under_daylight(|nm| samples.at_or_zero(nm)),
+            Spectrum::BlackBody([kelvin, scale]) => {
+                to_srgb() * xyz(|nm| planck(nm, *kelvin)) * *scale
+            }
             Spectrum::Color(color) => return Ok(*color),
         };
         finite(color.as_vec3().max(Vec3::ZERO))

@@ -28,6 +28,7 @@ pub(super) use self::text::Smoothing;
 use super::images::ImageCache;
 use super::{MissingTextures, canonical, read_file};
 use super::{default_scene, files};
+use crate::load::beside;
 use lumbre_light::scene::desc::{DEFAULT_MATERIAL, MaterialDesc, MeshDesc, SceneDesc, mesh_hash};
 use lumbre_light::scene::{Note, SceneError};
 
@@ -116,7 +117,7 @@ fn without_comment(name: &str) -> &str {
 /// Returns the material files that the argument of an `mtllib` names: one whose name may contain
 /// spaces, or several.
 fn files_of(folder: &Path, names: &str) -> Vec<PathBuf> {
-    let file = |name: &str| folder.join(name.replace('\\', "/"));
+    let file = |name: &str| beside(folder, name);
     let exists = |name: &str| {
         let file = file(name);
         files::check(&file).is_ok() && file.is_file()

@@ -28,6 +28,7 @@ use glam::{Affine2, Vec2, Vec3};
 
 use super::supported::NotedKeywords;
 use super::without_comment;
+use crate::load::beside;
 use crate::load::images::{self, ImageCache};
 use crate::load::{MissingTextures, files, read_file, with_lenient_hint};
 use lumbre_light::scene::desc::material_params::MIN_IOR;
@@ -48,7 +49,6 @@ const IGNORED: &[&str] = &[
     "map_ks",
     "map_ns",
     "sharpness",
-    "anisor",
     "map_aat",
 ];
 
@@ -327,10 +327,10 @@ impl MtlParser<'_> {
         name: &str,
     ) -> Result<Option<Arc<TextureDesc>>, SceneError> {
         let folder = self.path.parent().unwrap_or(Path::new(""));
-        let mut file = folder.join(name.replace('\\', "/"));
+        let mut file = beside(folder, name);
         // Names may contain a `#`, and comments may follow.
         if files::check(&file).is_err() || !file.is_file() {
-            file = folder.join(without_comment(name).replace('\\', "/"));
+            file = beside(folder, without_comment(name));
         }
         match self.images.load(&file, self.notes) {
             Ok(texture) => Ok(Some(texture)),

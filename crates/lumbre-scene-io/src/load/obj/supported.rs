@@ -32,6 +32,11 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
         limits: "",
     },
     SupportedElement {
+        name: "`mg`, `vp`",
+        support: "none: they belong to free-form surfaces, whose other statements are noted",
+        limits: "",
+    },
+    SupportedElement {
         name: "`l`, `p`",
         support: "",
         limits: "ignored, with a note",
@@ -96,7 +101,7 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
                  noted",
     },
     SupportedElement {
-        name: "`ka`, `tf`, `map_ka`, `map_ks`, `map_ns`",
+        name: "`ka`, `tf`, `map_ka`, `map_ks`, `map_ns`, `sharpness`, `map_aat`",
         support: "none: they belong to other material models",
         limits: "",
     },
@@ -108,7 +113,7 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
 ];
 
 /// Statements of OBJ and of its material files that are not supported.
-const UNSUPPORTED: &str = "bevel bmat bsp bzp c_interp call cdc con cstype csh ctech curv curv2 \
+const UNSUPPORTED: &str = "anisor km nr bevel bmat bsp bzp c_interp call cdc con cstype csh ctech curv curv2 \
                            d_interp decal deg disp end hole lod map_disp map_opacity map_pc map_pcr \
                            map_ps map_refl map_tr maplib parm refl res rim scrv shadow_obj sp stech \
                            step surf trace_obj trim usemap";

@@ -15,6 +15,7 @@ use super::state::{MaterialRef, State, TARGETS, look_at, matrix, rotation};
 use super::token::{Lexer, Place, Token, truncated};
 use super::version::Version;
 use super::{CameraSource, Loader};
+use crate::load::beside;
 use crate::load::{MissingTextures, canonical, read_file};
 use lumbre_light::scene::desc::{MAX_EDGES, SceneDesc};
 use lumbre_light::scene::{Note, SceneError};
@@ -461,7 +462,7 @@ impl DirectiveReader {
     /// Reads an `Include` or `Import`. An imported file leaves the graphics state as it was.
     fn include(&mut self, import: bool, place: &Place) -> Result<(), SceneError> {
         let name = self.lexer(place)?.quoted("the name of a file")?;
-        let path = self.loader.folder.join(name.replace('\\', "/"));
+        let path = beside(&self.loader.folder, &name);
         if self.files.len() >= MAX_INCLUDES {
             return Err(place.error(format!(
                 "files include each other more than {MAX_INCLUDES} levels deep"

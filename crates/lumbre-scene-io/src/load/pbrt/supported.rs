@@ -82,6 +82,12 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
         limits: "",
     },
     SupportedElement {
+        name: "`curve`",
+        support: "`P`, `basis`, `degree`, `type`, `width`, `width0`, `width1`, `N`: tubes of six sides, \
+                  and strips for ribbons",
+        limits: "flat curves, which turn to the viewer, become tubes, with a note",
+    },
+    SupportedElement {
         name: "`loopsubdiv`",
         support: "`levels` of subdivision, and the limit surface",
         limits: "fewer levels, with a note, beyond a million triangles",

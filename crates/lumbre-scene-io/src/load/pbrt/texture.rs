@@ -3,7 +3,6 @@
 //! Texture coordinates are those of the mesh, and v points up in images, as here.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::{Affine2, Vec2, Vec3};
@@ -13,6 +12,7 @@ use super::params::{Param, Params};
 use super::scoped::Scoped;
 use super::spectrum::{Spectra, Use};
 use super::token::truncated;
+use crate::load::beside;
 use crate::load::images::{self, ImageCache, mean_texel};
 use crate::load::{MissingTextures, with_lenient_hint};
 use lumbre_light::scene::compile::srgb_to_linear;
@@ -461,7 +461,7 @@ impl TextureReader {
         file: &str,
         c: &mut TextureContext<'_>,
     ) -> Result<Option<Arc<TextureDesc>>, SceneError> {
-        let path: PathBuf = c.spectra.folder.join(file.replace('\\', "/"));
+        let path = beside(&c.spectra.folder, file);
         match self.images.load(&path, c.notes) {
             Ok(image) => Ok(Some(image)),
             Err(e) if self.missing == MissingTextures::Note => {

@@ -7,6 +7,7 @@ use glam::Vec3;
 use serde_json::Value as Json;
 
 use crate::load::MissingTextures;
+use crate::load::beside;
 use lumbre_light::scene::desc::MAX_COORDINATE;
 use lumbre_light::scene::{Note, SceneError};
 use lumbre_light::value::suggest;
@@ -35,10 +36,7 @@ impl Diagnostics {
 
     /// Returns the path of a file that this one refers to; both `/` and `\` separate folders.
     pub fn resolve(&self, name: &str) -> PathBuf {
-        self.file
-            .parent()
-            .unwrap_or(Path::new(""))
-            .join(name.replace('\\', "/"))
+        beside(self.file.parent().unwrap_or(Path::new("")), name)
     }
 
     /// Adds the place that refers to a file to an error about that file.

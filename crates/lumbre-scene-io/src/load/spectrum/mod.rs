@@ -97,6 +97,15 @@ fn integrals(spectrum: impl Fn(f64) -> f64, weighted: bool) -> [DVec3; 2] {
     [color, white]
 }
 
+/// Temperatures of black bodies in kelvin.
+pub(super) const KELVIN: std::ops::RangeInclusive<f64> = 100.0..=1e6;
+
+/// Returns the radiance of a black body at a wavelength in nanometres by Planck's law, in
+/// W m^-2 sr^-1 nm^-1.
+pub(super) fn planck(nm: f64, kelvin: f64) -> f64 {
+    1.191_042_972e20 * nm.powi(-5) / (1.438_776_877e7 / (nm * kelvin)).exp_m1()
+}
+
 /// Returns the linear sRGB of a reflectance, transmittance or index under D65: a constant spectrum
 /// is that grey.
 pub(super) fn under_daylight(spectrum: impl Fn(f64) -> f64) -> DVec3 {

@@ -9,7 +9,7 @@ use super::super::tree::{Property, XmlObject};
 use super::BsdfReader;
 use crate::model_differences;
 use lumbre_light::scene::SceneError;
-use lumbre_light::scene::desc::{MaskMode, MaterialDesc, Model, TextureDesc, TextureSlot};
+use lumbre_light::scene::desc::{MaskMode, TextureDesc, TextureSlot};
 
 impl BsdfReader<'_> {
     /// Converts the first surface inside an adapter.
@@ -48,34 +48,11 @@ impl BsdfReader<'_> {
             )));
         }
         for surface in &inside {
-            let name = self.names.allocate_numbered(&self.m.name, 1);
-            let mut reader = BsdfReader {
-                m: MaterialDesc::new(&name),
-                parts: Vec::new(),
-                names: self.names,
-                colored: self.colored,
-                textures: self.textures,
-                notes: self.notes,
-            };
-            reader.surface(surface, two_sided, depth + 1)?;
-            let BsdfReader { m, parts, .. } = reader;
-            if m.texture(TextureSlot::Mask).is_some() {
-                self.notes
-                    .push(surface.note("a mask inside a `blendbsdf` is ignored"));
-            }
-            self.parts.extend(parts);
-            self.parts.push(m);
-            self.m.parts.push(name);
+            self.part(surface, two_sided, depth)?;
         }
         let second = self.unit_number(o, "weight", 0.5, Some(TextureSlot::Weights))?;
         self.m.weights = vec![1.0 - second, second];
-        let is_smooth = |m: &MaterialDesc| {
-            let of_interface = !matches!(m.model, Model::Disney | Model::Lambert);
-            of_interface && m.roughness == 0.0 && m.texture(TextureSlot::Roughness).is_none()
-        };
-        if self.parts.iter().any(is_smooth) {
-            self.notes.push(o.note(model_differences::SMOOTH_BLEND));
-        }
+        self.note_smooth_parts(o);
         Ok(())
     }
 

@@ -11,7 +11,7 @@ use roxmltree::Node;
 use super::references::{Draft, DraftProperty, Drafts, MAX_DEPTH, Reference};
 use super::{PropertyValue, XmlObject, find_file};
 use crate::load::mitsuba::values::{self, Spectrum};
-use crate::load::spectrum::Sampled;
+use crate::load::spectrum::{KELVIN, Sampled};
 use crate::load::{Variables, canonical, read_file};
 use lumbre_light::scene::{Note, SceneError};
 use lumbre_light::value::schema::unknown_name;
@@ -313,7 +313,7 @@ impl XmlReader<'_> {
             "string" => PropertyValue::Text(value(self)?),
             "rgb" => PropertyValue::Color(values::color(&value(self)?).map_err(fail)?),
             "srgb" => PropertyValue::Color(values::srgb_color(&value(self)?).map_err(fail)?),
-            "spectrum" => {
+            "spectrum" | "blackbody" => {
                 let spectrum = match self.spectrum(element)? {
                     // Version 0.6 takes D65 for a single value in an emitter.
                     Spectrum::Constant(x) if self.legacy => Spectrum::Grey(x),
@@ -344,6 +344,9 @@ impl XmlReader<'_> {
     /// Reads a spectrum: its `value`, a file, or one of the plugins that are greys in RGB.
     fn spectrum(&self, element: &Element) -> Result<Spectrum, SceneError> {
         let fail = |problem: String| element.error(problem);
+        if element.node.tag_name().name() == "blackbody" {
+            return self.black_body(element);
+        }
         if let Some(file) = self.attribute(element, "filename")? {
             let path = find_file(&self.folders, &element.file, &file);
             let read = Sampled::read(&path)?;
@@ -373,6 +376,25 @@ impl XmlReader<'_> {
             }
         }
         Ok(Spectrum::Grey(1.0))
+    }
+
+    /// Reads the `blackbody` of version 0.6: a `temperature` in kelvin, and a factor `scale`.
+    fn black_body(&self, element: &Element) -> Result<Spectrum, SceneError> {
+        let fail = |problem: String| element.error(problem);
+        let text = self.required(element, "temperature")?;
+        let kelvin = values::number(text.trim().trim_end_matches(['K', 'k'])).map_err(fail)?;
+        if !KELVIN.contains(&kelvin) {
+            return Err(fail(format!(
+                "a temperature is {} to {:e} kelvin, found {kelvin}",
+                KELVIN.start(),
+                KELVIN.end()
+            )));
+        }
+        let scale = match self.attribute(element, "scale")? {
+            Some(scale) => values::number(&scale).map_err(fail)?,
+            None => 1.0,
+        };
+        Ok(Spectrum::BlackBody([kelvin, scale]))
     }
 
     /// Returns a rotation. By an angle of 0 it needs no axis.

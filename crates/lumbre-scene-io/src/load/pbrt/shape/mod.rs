@@ -4,6 +4,7 @@
 //! corners run counter-clockwise in right-handed coordinates: the direction of the cross product of
 //! its edges, in the coordinates of the file, whatever their handedness.
 
+mod curve;
 mod quadric;
 mod subdivision;
 
@@ -17,6 +18,7 @@ use glam::{DAffine3, DVec3, Vec2, Vec3};
 use super::params::Params;
 use super::token::truncated;
 use super::version::Version;
+use crate::load::beside;
 use crate::load::packed::{budget, expand};
 use crate::load::{canonical, ply, read_file};
 use lumbre_light::scene::desc::{MeshDesc, ShapeDesc, Transform, mesh_hash};
@@ -25,6 +27,8 @@ use lumbre_light::scene::{Note, SceneError};
 
 /// Greatest number of triangles of all different generated shapes.
 const MAX_GENERATED_TRIANGLES: usize = 1 << 20;
+/// Greatest number of triangles of all curves.
+const MAX_CURVE_TRIANGLES: usize = 1 << 25;
 /// Greatest size of a compressed mesh in bytes.
 const MAX_GZIP_BYTES: u64 = 1 << 28;
 
@@ -59,6 +63,8 @@ pub(super) struct ShapeLoader {
     generated: BTreeMap<GeneratedKey, Arc<MeshDesc>>,
     /// Number of triangles of all generated meshes.
     triangles: usize,
+    /// Number of triangles of all curves.
+    curve_triangles: usize,
 }
 
 impl ShapeLoader {
@@ -76,6 +82,16 @@ impl ShapeLoader {
             "trianglemesh" => finished(triangle_mesh(params)?, options),
             "loopsubdiv" => self.subdivided(params, options, notes)?,
             "bilinearmesh" => self.bilinear(params, options)?,
+            "curve" => {
+                let shape = curve::read(params, notes)?;
+                self.curve_triangles = self.curve_triangles.saturating_add(shape.triangles.len());
+                if self.curve_triangles > MAX_CURVE_TRIANGLES {
+                    return Err(params.error(format!(
+                        "all curves together have more than {MAX_CURVE_TRIANGLES} triangles"
+                    )));
+                }
+                finished(shape.into_mesh(PathBuf::new(), ""), options)
+            }
             "plymesh" => {
                 let (mesh, stem) = self.file(params, options, folder, notes)?;
                 return Ok(Some(LoadedShape {
@@ -288,7 +304,7 @@ impl ShapeLoader {
         let Some(name) = params.text("filename")? else {
             return Err(params.error("a mesh needs a `filename`"));
         };
-        let path = folder.join(name.replace('\\', "/"));
+        let path = beside(folder, name);
         let stem = Path::new(name).file_name().map(|s| s.to_string_lossy());
         let stem = stem.as_deref().and_then(|s| s.split('.').next());
         let stem = stem.unwrap_or("mesh").to_owned();

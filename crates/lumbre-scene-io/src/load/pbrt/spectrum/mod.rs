@@ -16,8 +16,9 @@ use self::table::{GLASSES, ILLUMINANTS, METALS};
 use super::params::{Param, Values};
 use super::token::truncated;
 use super::version::Version;
+use crate::load::beside;
 use crate::load::metals;
-use crate::load::spectrum::{Sampled, to_srgb, under_daylight, xyz};
+use crate::load::spectrum::{KELVIN, Sampled, planck, to_srgb, under_daylight, xyz};
 use lumbre_light::scene::SceneError;
 
 /// Wavelength of the helium d line in nanometres, at which an index is that of a glass.
@@ -143,15 +144,14 @@ impl Spectra {
                 )));
             }
         };
-        if !(100.0..=1e6).contains(&kelvin) {
+        if !KELVIN.contains(&kelvin) {
             return Err(p.error(format!(
                 "expected a temperature from 100 to 1e6 kelvin, found {kelvin}"
             )));
         }
-        // Planck's law, relative to its maximum by Wien's.
-        let planck = |nm: f64| nm.powi(-5) / (1.438_776_877e7 / (nm * kelvin)).exp_m1();
-        let peak = planck(2.897_772_1e6 / kelvin);
-        Ok(self.integrated(|nm| planck(nm) / peak, purpose) * scale)
+        // Relative to its maximum by Wien's law.
+        let peak = planck(2.897_772_1e6 / kelvin, kelvin);
+        Ok(self.integrated(|nm| planck(nm, kelvin) / peak, purpose) * scale)
     }
 
     /// Returns the colour of a spectrum by name, or from a file.
@@ -198,7 +198,7 @@ impl Spectra {
 
     /// Reads a file of pairs of wavelength and value.
     fn file(&self, p: &Param, name: &str) -> Result<Sampled, SceneError> {
-        let path = self.folder.join(name.replace('\\', "/"));
+        let path = beside(&self.folder, name);
         let read = Sampled::read(&path).map_err(|e| {
             p.error(format!(
                 "`{}` is no name of a spectrum that is supported, and no file: {e}",
