@@ -141,6 +141,9 @@ pub const REPEATED: Column = column("runs", "1", "number of finished repeats");
 /// Columns of `repeats.csv` before the metrics, each with its bounds.
 pub const REPEATED_MEANS: [Column; 3] = [SAMPLES_PER_PIXEL, RENDER_S, SPEED];
 
+/// Runs of a line, in `repeats.csv` and in tables of reports.
+pub const RUN_IDS: Column = column("run_ids", "", "ids of the runs, separated by spaces");
+
 /// Bounds of the columns of `repeats.csv`.
 const BOUNDS: [Column; 1] = [column(
     "<column>_low, <column>_high",
@@ -291,7 +294,7 @@ pub const TABLE: [Column; 15] = [
     ),
     REPEATED,
     column("unit", "", "unit of the value"),
-    column("run_ids", "", "ids of the runs, separated by spaces"),
+    RUN_IDS,
 ];
 
 /// Labels of the rows of a table.
@@ -341,7 +344,14 @@ pub const CSV_FILES: &[CsvFile] = &[
         name: "`repeats.csv`",
         doc: "One line per point of the sweep, where some point has several finished runs: means \
               over its repeats.",
-        columns: &[&AXIS, &[REPEATED], &REPEATED_MEANS, &METRIC, &BOUNDS],
+        columns: &[
+            &AXIS,
+            &[REPEATED],
+            &REPEATED_MEANS,
+            &METRIC,
+            &BOUNDS,
+            &[RUN_IDS],
+        ],
     },
     CsvFile {
         name: "`aa-check.csv`",

@@ -38,6 +38,11 @@ impl Provenance {
             .collect()
     }
 
+    /// Formats the provenance as a comment of Markdown and HTML, whose end it cannot contain.
+    pub fn markup_comment(&self) -> String {
+        format!("<!--\n{}\n-->\n", self.text().replace("--", "- -"))
+    }
+
     /// Parses the run identities in a text: each word `run` followed by 32 hexadecimal digits. Each
     /// identity is returned once, in order.
     pub fn parse(text: &str) -> Vec<String> {

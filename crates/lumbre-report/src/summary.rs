@@ -4,7 +4,7 @@ use super::format::exact;
 use lumbre_light::math::t_test::mean_and_interval;
 use lumbre_metrics::floor::Floor;
 use lumbre_night::columns::{
-    AA_CHECK, CONTROL_OF, REPEATED, REPEATED_MEANS, SUMMARY_AFTER, SUMMARY_BEFORE, names,
+    AA_CHECK, CONTROL_OF, REPEATED, REPEATED_MEANS, RUN_IDS, SUMMARY_AFTER, SUMMARY_BEFORE, names,
 };
 use lumbre_night::experiment::aa_check::Finding;
 use lumbre_night::experiment::night::run::Run;
@@ -153,14 +153,14 @@ fn header(plan: &Plan, noise: &ReferenceNoise) -> Vec<String> {
 /// metric. Each has the bounds of its 95 % confidence interval by Student's t (`<column>_low`,
 /// `<column>_high`; empty for a single run).
 pub fn repeats_csv(night: &Night) -> String {
-    let mut points: Vec<(&Point, Vec<&WaveRow>)> = Vec::new();
+    let mut points: Vec<(&Point, Vec<(&Run, &WaveRow)>)> = Vec::new();
     for run in &night.runs {
         if points.last().is_none_or(|(point, _)| **point != run.point) {
             points.push((&run.point, Vec::new()));
         }
         let row = run.rows.last().filter(|_| run.is_done());
         if let (Some(row), Some((_, rows))) = (row, points.last_mut()) {
-            rows.push(row);
+            rows.push((run, row));
         }
     }
     if points.iter().all(|(_, rows)| rows.len() < 2) {
@@ -176,20 +176,28 @@ pub fn repeats_csv(night: &Night) -> String {
     for column in names(&REPEATED_MEANS).into_iter().chain(columns) {
         header.extend(["", "_low", "_high"].map(|end| format!("{column}{end}")));
     }
+    header.push(RUN_IDS.name.to_owned());
     let mut text = csv_line(&header);
     for (point, rows) in &points {
         let mut fields: Vec<String> = point.iter().map(|(_, value)| value.to_string()).collect();
         fields.push(rows.len().to_string());
-        let numbers = |row: &&WaveRow| [row.samples as f64, row.render_s, row.mpaths_per_s()];
-        let counts = (0..3).map(|i| rows.iter().map(|row| numbers(row)[i]).collect::<Vec<f64>>());
+        let rows_alone = || rows.iter().map(|(_, row)| *row);
+        let numbers = |row: &WaveRow| [row.samples as f64, row.render_s, row.mpaths_per_s()];
+        let counts = (0..3).map(|i| {
+            rows_alone()
+                .map(|row| numbers(row)[i])
+                .collect::<Vec<f64>>()
+        });
         let metrics = (0..night.plan.metrics.len()).map(|i| {
-            rows.iter()
+            rows_alone()
                 .filter_map(|row| row.metrics.get(i).copied())
                 .collect::<Vec<f64>>()
         });
         for values in counts.chain(metrics) {
             fields.extend(mean_fields(&values));
         }
+        let ids: Vec<&str> = rows.iter().map(|(run, _)| run.id.as_str()).collect();
+        fields.push(ids.join(" "));
         text += &csv_line(&fields);
     }
     text
@@ -289,11 +297,12 @@ mod tests {
                 "samples_per_pixel_high"
             ]
         );
-        assert_eq!(lines[0][11..], ["rmse", "rmse_low", "rmse_high"]);
+        assert_eq!(lines[0][11..], ["rmse", "rmse_low", "rmse_high", "run_ids"]);
+        assert_eq!(lines[1][14], "run00 run01 run02");
         let half = 4.302_652_73 / 3f64.sqrt();
         let [mean, low, high] = [11, 12, 13].map(|i: usize| lines[1][i].parse::<f64>().unwrap());
         assert!(mean == 2.0 && (low - 2.0 + half).abs() < 1e-6 && (high - 2.0 - half).abs() < 1e-6);
-        assert_eq!(lines[2][11..], ["0.5", "", ""], "one run has no interval");
+        assert_eq!(lines[2][11..14], ["0.5", "", ""], "one run has no interval");
         assert_eq!(repeats_csv(&plan, &results[..1]), "", "nothing is repeated");
         plan.cells[1].double_of = Some(0);
         assert_eq!(

@@ -11,8 +11,10 @@ use lumbre_light::value::Value;
 #[derive(Args, Debug)]
 pub struct CheckArgs {
     /// Scripts (.lua) and scene files.
-    #[arg(required = true)]
-    pub files: Vec<PathBuf>,
+    ///
+    /// Options of a scene follow a question mark: `room.lua?light=lamps,size=3`.
+    #[arg(required = true, value_name = "FILE", value_parser = scene_arg)]
+    pub files: Vec<SceneArg>,
     /// Print as JSON.
     #[arg(long)]
     pub json: bool,

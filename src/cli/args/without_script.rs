@@ -30,10 +30,11 @@ pub struct PictureArgs {
     /// View of the scene.
     #[arg(long, value_name = "NAME")]
     pub view: Option<String>,
-    /// Light the scene by this map of all directions (.exr, .hdr), as `environment.map=FILE`.
+    /// Light the scene by this HDRI, a map of all directions (.exr, .hdr), as
+    /// `environment.map=FILE`.
     ///
     /// A model without lights stands in it alone, without the studio.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", alias = "hdri")]
     pub environment: Option<PathBuf>,
 }
 

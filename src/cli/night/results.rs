@@ -58,7 +58,10 @@ pub(in crate::cli) fn write_results(
         for table in requested::tables(results, spec) {
             for format in &spec.formats {
                 let (extension, text) = match format {
-                    TableFormat::Md => ("md", table.to_text()),
+                    TableFormat::Md => {
+                        let origin = table.provenance.markup_comment();
+                        ("md", format!("{}\n{origin}", table.to_text()))
+                    }
                     TableFormat::Csv => ("csv", table.to_wide_csv()),
                 };
                 write(
@@ -242,8 +245,13 @@ pub(super) fn print_answer(results: &Night) {
     let Ok(study) = Study::new(std::slice::from_ref(results), &options) else {
         return;
     };
-    for sentence in report::answer(&study, &options) {
+    let sentences = report::answer(&study, &options);
+    for sentence in &sentences {
         print_status(&format!("\n{sentence}"));
+    }
+    let caveats = report::clocks(&study);
+    for caveat in caveats.iter().filter(|_| !sentences.is_empty()) {
+        print_status(&format!("warning: {caveat}"));
     }
 }
 

@@ -254,8 +254,8 @@ fn finish_night(
     results::print_aa_check(plan, &night.night, global.quiet);
     if !global.quiet {
         results::print_locations(store, plan, &night.night);
-        results::print_answer(&collected);
     }
+    results::print_answer(&collected);
     let exit = results::night_exit(&night, ended.exit);
     results::exit_after(&night, exit, written.and(printed))
 }

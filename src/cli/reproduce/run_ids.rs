@@ -16,8 +16,13 @@ pub struct RunIds {
     pub samples: Option<u64>,
 }
 
+/// Endings of the files that a figure or a table is written to beside its numbers, which name the
+/// runs where the numbers do not.
+const DRAWN: [&str; 2] = ["svg", "md"];
+
 /// Reads the run ids in a file: metadata of EXR and PNG, comments of text formats, columns of CSV,
-/// or the document information of PDF. For the folder of a run, returns that run.
+/// or the document information of PDF. Numbers without ids have those of the drawing beside them.
+/// For the folder of a run, returns that run.
 ///
 /// # Errors
 /// Returns a message if the file cannot be read or names no run.
@@ -50,6 +55,11 @@ pub fn read(file: &Path) -> Result<RunIds, String> {
     };
     let ids = ids.map_err(|e| format!("{}: {e}", file.display()))?;
     if ids.runs.is_empty() {
+        let mut beside = DRAWN.iter().map(|ending| file.with_extension(ending));
+        let drawn = beside.find(|drawn| extension(file) == "csv" && drawn.is_file());
+        if let Some(drawn) = drawn {
+            return read(&drawn);
+        }
         return Err(format!(
             "{} names no run; give a picture, figure, table or data file written by lumbre, or \
              the folder of a run",

@@ -1,12 +1,11 @@
 //! `lumbre check`: validates scripts and scene files without rendering or writing anything.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use glam::Vec3;
 use serde_json::{Value as Json, json};
 
-use crate::cli::args::{CheckArgs, Global, ScriptArgs};
+use crate::cli::args::{CheckArgs, Global, SceneArg, ScriptArgs};
 use crate::cli::exit::{Exit, Failure, print_result, print_status};
 use crate::cli::format::{counted, rounded};
 use crate::cli::json;
@@ -23,14 +22,14 @@ const MOST_NAMES: usize = 40;
 pub fn main(args: &CheckArgs, global: &Global) -> Result<Exit, Failure> {
     let mut exit = Exit::Done;
     let mut checks = Vec::new();
-    for file in &args.files {
-        let checked = if lumbre_lua::scene::is_lua(file) {
-            check_lua(file, global)
+    for given in &args.files {
+        let checked = if lumbre_lua::scene::is_lua(&given.file) {
+            check_lua(given, global)
         } else {
-            check_scene(file, global)
+            check_scene(given, global)
         };
+        let file = &given.text;
         if args.json {
-            let file = file.display().to_string();
             checks.push(match &checked {
                 Ok(Checked { text, kind, data }) => {
                     json!({ "file": file, "ok": true, "text": text, *kind: data })
@@ -41,7 +40,7 @@ pub fn main(args: &CheckArgs, global: &Global) -> Result<Exit, Failure> {
         match checked {
             Ok(_) if global.quiet || args.json => {}
             Ok(Checked { text, .. }) => {
-                print_result(&format!("ok  {}: {text}\n", file.display()))?;
+                print_result(&format!("ok  {file}: {text}\n"))?;
             }
             Err(failure) => {
                 failure.print();
@@ -66,12 +65,21 @@ struct Checked {
 }
 
 /// Checks a Lua file, which may be an experiment or a scene.
-fn check_lua(file: &Path, global: &Global) -> Result<Checked, Failure> {
+fn check_lua(given: &SceneArg, global: &Global) -> Result<Checked, Failure> {
+    let file = &given.file;
     load::expect_script(file)?;
     let script = match lumbre_lua::load(file) {
-        Err(error) if lumbre_lua::scene::is_scene(&error) => return check_scene(file, global),
+        Err(error) if lumbre_lua::scene::is_scene(&error) => return check_scene(given, global),
         loaded => loaded.map_err(Failure::script)?,
     };
+    if let Some((name, _)) = given.settings.first() {
+        return Err(Failure::usage(format!(
+            "{}: `{name}` after the question mark is an option of a scene, and this is an \
+             experiment: `lumbre plan {} {name}=VALUE` plans it with other settings",
+            given.text,
+            file.display()
+        )));
+    }
     let args = ScriptArgs {
         script: file.to_owned(),
         ..ScriptArgs::default()
@@ -96,7 +104,8 @@ fn check_lua(file: &Path, global: &Global) -> Result<Checked, Failure> {
 }
 
 /// Checks a scene file of any format.
-fn check_scene(file: &Path, global: &Global) -> Result<Checked, Failure> {
+fn check_scene(given: &SceneArg, global: &Global) -> Result<Checked, Failure> {
+    let file = &given.file;
     if file.is_dir() && !lumbre_scene_io::load::is_folder(file) {
         return Err(Failure::usage(format!(
             "{} is a folder; give the files in it",
@@ -107,7 +116,7 @@ fn check_scene(file: &Path, global: &Global) -> Result<Checked, Failure> {
         scene: desc,
         mut notes,
         options,
-    } = read_scene(file, global)?;
+    } = read_scene(given, global)?;
     // Errors of compilation do not name a file.
     let (compiled, more) =
         scene::compile(&desc).map_err(|e| Failure::usage(format!("{}: {e}", file.display())))?;
@@ -137,13 +146,16 @@ fn check_scene(file: &Path, global: &Global) -> Result<Checked, Failure> {
     })
 }
 
-/// Reads a scene with the options that it declares.
-fn read_scene(file: &Path, global: &Global) -> Result<LoadedScene, Failure> {
+/// Reads a scene with the given options, and those that it declares.
+fn read_scene(given: &SceneArg, global: &Global) -> Result<LoadedScene, Failure> {
+    let (file, missing) = (&given.file, global.missing());
+    let options = given.settings.iter().cloned().collect();
     if lumbre_lua::scene::is_lua(file) {
-        let loaded = lumbre_lua::scene::load(file, &BTreeMap::new(), global.missing());
+        let loaded = lumbre_lua::scene::load(file, &options, missing);
         return loaded.map_err(|e| Failure::usage(SceneError::Script(e.to_string())));
     }
-    let (scene, notes) = load::load_scene(file, global.missing()).map_err(Failure::usage)?;
+    let read = lumbre_lua::scene::read(file, &options, missing);
+    let (scene, notes) = read.map_err(Failure::usage)?;
     Ok(LoadedScene {
         scene,
         notes,
@@ -162,7 +174,7 @@ fn contents(
         let [x, y, z] = p.to_array().map(|x| rounded(f64::from(x)));
         format!("({x}, {y}, {z})")
     };
-    let ([low, high], _) = compiled.bounds_and_radius();
+    let [low, high] = compiled.bounds.map(|corner| compiled.described(corner));
     let camera = &desc.camera;
     let environment = desc.environment.iter().map(|_| "environment".to_owned());
     let lights = desc.lights.iter().map(|light| light.name.clone());
@@ -232,7 +244,7 @@ fn contents_json(
     compiled: &CompiledScene,
     options: &BTreeMap<String, String>,
 ) -> Json {
-    let ([low, high], _) = compiled.bounds_and_radius();
+    let [low, high] = compiled.bounds.map(|corner| compiled.described(corner));
     let camera = &desc.camera;
     let views: Vec<&String> = desc.views.iter().map(|(name, _)| name).collect();
     let objects: Vec<&String> = desc.entities.iter().map(|e| &e.name).collect();

@@ -12,10 +12,9 @@ use lumbre_night::experiment::outcome::WaveRow;
 use lumbre_night::experiment::plan::expand;
 use lumbre_night::experiment::spec::{MeasureSpec, ReferenceRequest};
 use lumbre_night::experiment::{ExperimentSpec, Overrides, Plan, Point, ScriptHooks, StopRule};
-use lumbre_night::paths::extension;
 use lumbre_render::Settings;
+use lumbre_render::settings::ENVIRONMENT_MAP;
 use lumbre_render::settings::named;
-use lumbre_scene_io::load::FORMATS;
 
 /// Key of the technique in render tables.
 const INTEGRATOR: &str = "integrator";
@@ -85,15 +84,10 @@ pub fn picture_table(args: &PictureArgs) -> Result<BTreeMap<String, Value>, Fail
     if let Some(view) = &args.view {
         insert(&mut table, "view", view.as_str().into())?;
     }
-    let mut options: BTreeMap<String, Value> = args.scene.settings.iter().cloned().collect();
+    let options: BTreeMap<String, Value> = args.scene.settings.iter().cloned().collect();
     if let Some(map) = &args.environment {
         let map = map.to_string_lossy().into_owned();
-        named::set(&mut table, "environment.map", Value::Str(map));
-        if is_model(&args.scene.file) {
-            // The stage with an environment alone, which the map then replaces.
-            let stage = options.entry("stage".to_owned());
-            stage.or_insert_with(|| "white".into());
-        }
+        named::set(&mut table, ENVIRONMENT_MAP, Value::Str(map));
     }
     if !options.is_empty() {
         insert(&mut table, "scene_options", Value::Map(options))?;
@@ -106,13 +100,6 @@ pub fn picture_table(args: &PictureArgs) -> Result<BTreeMap<String, Value>, Fail
         named::set(&mut table, key, value.clone());
     }
     Ok(table)
-}
-
-/// Whether files of this name are usually models without lights.
-fn is_model(file: &Path) -> bool {
-    let extension = extension(file);
-    let mut rows = FORMATS.iter();
-    rows.any(|row| row.is_model && row.extensions.contains(&extension.as_str()))
 }
 
 /// Adds a setting to a table.

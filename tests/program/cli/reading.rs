@@ -89,6 +89,14 @@ fn check_reads_scripts_and_scenes_and_writes_nothing() {
         output.contains("\n    objects   quad, stage_ground, stage_light\n"),
         "{output}"
     );
+    let options = ["check", "quad.obj?stage=none", "--json"];
+    let alone = json(&place.succeed(&options).stdout);
+    assert_eq!(alone["files"][0]["scene"]["triangles"], 2, "{alone}");
+    let error = place.fail(2, &["check", "night.lua?depth=3"]);
+    assert!(
+        error.contains("lumbre plan night.lua depth=VALUE"),
+        "{error}"
+    );
     let bare = place.succeed(&["check", "ball.scn"]).stdout;
     assert!(
         bare.contains("\n    camera    at (") && bare.contains("\n    box       ("),

@@ -186,9 +186,11 @@ fn a_model_stands_in_the_environment_of_the_command_line() {
         decode(&std::fs::read(place.path("b.exr")).unwrap()).0
     };
     let lit = picture(&["quad.obj", "--environment", "sky.exr"]);
-    let by_path = picture(&["quad.obj?stage=white", "environment.map=sky.exr"]);
+    let by_path = picture(&["quad.obj", "environment.map=sky.exr"]);
     assert!(lit == by_path && lit.mean() != [0.0; 3]);
     assert!(lit != picture(&["quad.obj"]), "that is the studio");
+    let both = picture(&["quad.obj?stage=studio", "--hdri", "sky.exr"]);
+    assert!(lit != both, "a stage that is named stays");
     // A scene that has no environment gets one.
     let ball = picture(&["ball.scn", "--environment", "sky.exr"]);
     assert!(ball != picture(&["ball.scn"]));
@@ -197,4 +199,8 @@ fn a_model_stands_in_the_environment_of_the_command_line() {
         error.contains("environment.map") && error.contains("none.exr"),
         "{error}"
     );
+    let error = place.fail(2, &["render", "ball.scn", "--environment", "skj.exr"]);
+    assert!(error.contains("did you mean `sky.exr`?"), "{error}");
+    let error = place.fail(2, &["render", "ball.scn", "environment.rotate=9"]);
+    assert!(error.contains("did you mean `rotation`?"), "{error}");
 }

@@ -16,6 +16,8 @@ end)
 x:reference { from = function(p) return { integrator = "nee" } end, stop = stop.samples(64) }
 x:measure { every = "1s", rmse = metric.rmse(), keep = { exr = "pow2" } }
 x:stop(function(p) return stop.samples(16) end)
+x:figure("error", { x = "samples", y = "rmse", by = "technique" })
+x:table("last", { value = "rmse", rows = "technique" })
 return x
 "#;
 
@@ -72,6 +74,11 @@ fn pictures_figures_and_tables_are_identical_when_rendered_again() {
         "tables/final-rmse.csv",
         "data/runs.csv",
         "index.html",
+        "verdict.md",
+        "requested/error.csv",
+        "../figures/error.csv",
+        "../tables/last.csv",
+        "../tables/last.md",
     ];
     for file in files {
         let output = place.succeed(&[

@@ -4,14 +4,25 @@
 /// close enough to be meant.
 ///
 /// The distance may be at most a third of the longer name's letters, and at least one edit is
-/// always allowed. Differences of case and between `_` and `-` are ignored.
+/// always allowed; names that share their first four letters and half of the longer one, such as
+/// `rotate` and `rotation`, are close too. Differences of case and between `_` and `-` are ignored.
 pub fn nearest<'a>(given: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let fold = |s: &str| -> Vec<char> { s.to_lowercase().replace('-', "_").chars().collect() };
     let given_folded = fold(given);
+    let close = |name: &str| {
+        let name = fold(name);
+        let (edits, longer) = (
+            distance(&given_folded, &name),
+            given_folded.len().max(name.len()),
+        );
+        let same = given_folded.iter().zip(&name).take_while(|(a, b)| a == b);
+        let shared = same.count();
+        let is_close = edits <= (longer / 3).max(1) || shared >= 4 && 2 * shared >= longer;
+        is_close.then_some(edits)
+    };
     known
         .into_iter()
-        .map(|name| (distance(&given_folded, &fold(name)), name))
-        .filter(|(d, name)| *d <= (given_folded.len().max(name.chars().count()) / 3).max(1))
+        .filter_map(|name| Some((close(name)?, name)))
         .min_by_key(|(d, _)| *d)
         .map(|(_, name)| name)
 }
@@ -46,6 +57,9 @@ mod tests {
         assert_eq!(nearest("maxdepth", known), Some("max_depth"));
         assert_eq!(nearest("Resolution", known), Some("resolution"));
         assert_eq!(nearest("zebra", known), None);
+        let parts = ["rotation", "scale", "sampling"];
+        assert_eq!(nearest("rotate", parts), Some("rotation"));
+        assert_eq!(nearest("rot", parts), None);
     }
 
     #[test]

@@ -44,7 +44,7 @@ use lumbre_light::scene::{Note, SceneError};
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::unknown_name;
 use lumbre_scene_io::load::{MissingTextures, Variables, load_on_stage};
-use lumbre_scene_io::stage::{STAGES, Stage};
+use lumbre_scene_io::stage::{OPTION, STAGES, Stage};
 
 /// Functions that describe scenes, besides the methods of the scene itself.
 pub const FUNCTIONS: &[&[ApiFn]] = &[
@@ -60,9 +60,6 @@ pub fn is_lua(file: &Path) -> bool {
     file.extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("lua"))
 }
-
-/// Name of the option that all scene files have that are not written in Lua.
-const STAGE: &str = "stage";
 
 /// Loads a scene file of any format, including Lua, with values for its options. Files of other
 /// formats have the option `stage`; variables of Mitsuba's files are options, too.
@@ -80,8 +77,12 @@ pub fn read(
         return Ok((loaded.scene, loaded.notes));
     }
     let invalid = |problem| SceneError::malformed(path, "scene_options", problem);
-    let stage = options.get(STAGE).map(stage).transpose().map_err(invalid)?;
-    let others = options.iter().filter(|(name, _)| *name != STAGE);
+    let stage = options
+        .get(OPTION)
+        .map(stage)
+        .transpose()
+        .map_err(invalid)?;
+    let others = options.iter().filter(|(name, _)| *name != OPTION);
     let variables = others
         .map(|(name, value)| Ok((name.clone(), variable(name, value)?)))
         .collect::<Result<Variables, String>>()

@@ -44,6 +44,9 @@ lumbre_light::table! {
          of the whole from its upper left corner";
 }
 
+/// Path of the environment map in changes to a scene.
+pub const ENVIRONMENT_MAP: &str = "environment.map";
+
 /// Returns the changes to the scene from `set`, `view` and `camera`, by path.
 pub(super) fn read_changes(given: &Given<'_>) -> Result<BTreeMap<String, Value>, SchemaError> {
     let Given { map, folder, path } = *given;
@@ -100,11 +103,9 @@ pub(super) fn read_changes(given: &Given<'_>) -> Result<BTreeMap<String, Value>,
 
 /// Returns whether a path of `set` is a texture slot of a material.
 fn names_texture(change: &str) -> bool {
-    change.starts_with("materials.")
-        && change
-            .rsplit('.')
-            .next()
-            .is_some_and(|param| TextureSlot::from_name(param).is_some())
+    let is_slot = |param: &str| TextureSlot::from_name(param).is_some();
+    change == ENVIRONMENT_MAP
+        || change.starts_with("materials.") && change.rsplit('.').next().is_some_and(is_slot)
 }
 
 /// Checks the type of a value of `set`.

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use super::Settings;
-use super::camera::{CAMERA, read_changes};
+use super::camera::{CAMERA, ENVIRONMENT_MAP, read_changes};
 use super::find::{find_file, find_folder};
 use super::given::Given;
 use crate::denoise::atrous::ATROUS;
@@ -23,6 +23,8 @@ use lumbre_light::transport::time_settings::FILM;
 use lumbre_light::transport::time_settings::Timing;
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{Field, SchemaError, Ty};
+use lumbre_scene_io::load::is_named_as_model;
+use lumbre_scene_io::stage;
 
 /// Row of [`SETTINGS`].
 pub struct Setting {
@@ -214,6 +216,12 @@ pub static SETTINGS: [Setting; 18] = [
         inherited: true,
         read: |settings, given| {
             settings.set = read_changes(given)?;
+            let file = &settings.scene_file;
+            if settings.set.contains_key(ENVIRONMENT_MAP) && is_named_as_model(file) {
+                // The map lights the model alone: the stage that it replaces has nothing else.
+                let stage = settings.scene_options.entry(stage::OPTION.to_owned());
+                stage.or_insert_with(|| stage::WHITE.into());
+            }
             Ok(())
         },
         identity: |_| None,

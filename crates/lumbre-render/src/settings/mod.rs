@@ -13,6 +13,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+pub use self::camera::ENVIRONMENT_MAP;
 pub use self::given::Given;
 pub use self::keys::{EDGES, INTEGRATOR_NAMES, LIBRARY, SETTINGS, Setting, setting};
 pub use self::stored::StoredSettings;
@@ -110,6 +111,13 @@ settings! {
 }
 
 impl Settings {
+    /// Returns the options of the scene and the changes to it, by name and path.
+    pub fn scene_changes(&self) -> BTreeMap<String, Value> {
+        let all = self.scene_options.iter().chain(&self.set);
+        all.map(|(name, value)| (name.clone(), value.clone()))
+            .collect()
+    }
+
     /// Returns the settings of an integrator with the defaults of scripts: default parameters, no
     /// roulette, a box filter of one pixel, the independent sampler. They name no scene.
     pub fn new(integrator: &str) -> Settings {

@@ -10,6 +10,7 @@ use lumbre_night::experiment::night::Night;
 use lumbre_night::experiment::night::reference::ReferenceOrigin;
 use lumbre_night::text::program;
 use lumbre_render::denoise::BIAS;
+use std::collections::BTreeSet;
 
 /// Maximum number of different ends of runs that the paragraph lists.
 const MOST_REASONS: usize = 4;
@@ -19,11 +20,7 @@ const MOST_REASONS: usize = 4;
 pub fn items(study: &Study) -> [ReportItem; 2] {
     let provenance = Provenance::from_members(study.all());
     let sentences = sentences(study);
-    let markdown = format!(
-        "{}\n\n<!--\n{}\n-->\n",
-        sentences.join(" "),
-        provenance.text().replace("--", "- -")
-    );
+    let markdown = format!("{}\n\n{}", sentences.join(" "), provenance.markup_comment());
     let tex: String = sentences.iter().map(|s| cite::latex(s) + "\n").collect();
     // The text first: a night has hundreds of runs.
     let tex = format!("{tex}{}", provenance.comment("% "));
@@ -57,7 +54,11 @@ fn sentences(study: &Study) -> Vec<String> {
     out.extend(references(study));
     out.extend(study.metrics.iter().map(definition));
     out.push(shown_by(study));
-    out.push("Render time is the time spent inside the renderer.".to_owned());
+    out.push(
+        "Render time is the time spent inside the renderer, without the time that other programs \
+         took from its threads, where the system tells it."
+            .to_owned(),
+    );
     out.push("Measuring, encoding and writing between its waves are excluded.".to_owned());
     out.push("Curves are means over repeats with 95 % confidence intervals.".to_owned());
     out.push(
@@ -84,7 +85,7 @@ fn references(study: &Study) -> Vec<String> {
         return Vec::new();
     }
     let mut out = vec![format!(
-        "Errors were measured against precomputed references: {}.",
+        "Errors were measured against references: {}.",
         origins.join("; ")
     )];
     let checks = used.iter().flat_map(|reference| &reference.checks);
@@ -156,6 +157,7 @@ fn scenes_and_sizes(study: &Study) -> Vec<String> {
     let mut out = Vec::new();
     if !scenes.is_empty() {
         let noun = if scenes.len() == 1 { "scene" } else { "scenes" };
+        let scenes: Vec<String> = scenes.iter().map(|s| changed(study, s)).collect();
         out.push(format!("It renders the {noun} {}.", scenes.join(", ")));
     }
     let depths = study.all().filter_map(|m| m.run.max_depth);
@@ -176,6 +178,26 @@ fn scenes_and_sizes(study: &Study) -> Vec<String> {
         ));
     }
     out
+}
+
+/// Returns the name of a scene with its options and the changes to it: those that all of its runs
+/// share with their values, others by name.
+fn changed(study: &Study, scene: &str) -> String {
+    let runs: Vec<Member> = study.all().filter(|m| m.run.scene == scene).collect();
+    let names: BTreeSet<&String> = runs.iter().flat_map(|m| m.run.changes.keys()).collect();
+    let describe = |name: &String| {
+        let mut values = runs.iter().map(|m| m.run.changes.get(name));
+        let first = values.next().flatten();
+        match first {
+            Some(value) if values.all(|other| other == first) => format!("{name} = {value}"),
+            _ => format!("different {name}"),
+        }
+    };
+    let changes: Vec<String> = names.into_iter().map(describe).collect();
+    match changes.as_slice() {
+        [] => scene.to_owned(),
+        changes => format!("{scene} with {}", changes.join(", ")),
+    }
 }
 
 fn run_count(study: &Study) -> String {

@@ -30,7 +30,7 @@ use std::path::{Path, PathBuf};
 
 pub use item::{ItemKind, ReportItem};
 pub use study::{Member, ReportOptions, Study};
-pub use verdict::answer;
+pub use verdict::{answer, clocks};
 
 use lumbre_light::film::Image;
 use lumbre_night::experiment::spec::FigureX;

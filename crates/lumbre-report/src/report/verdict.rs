@@ -146,9 +146,10 @@ impl Verdict {
         let sentences = self.sentences.join("\n");
         let caveats: String = self.caveats.iter().map(|c| format!("- {c}\n")).collect();
         let winners = markdown_table(&header, &rows, 1);
-        let text = format!("{sentences}\n\n{winners}\n{EXPLANATION}\n\n{caveats}");
-        let files = vec![("md", text.into_bytes())];
         let provenance = Provenance::from_members(study.all().filter(|m| m.run.is_done()));
+        let origin = provenance.markup_comment();
+        let text = format!("{sentences}\n\n{winners}\n{EXPLANATION}\n\n{caveats}\n{origin}");
+        let files = vec![("md", text.into_bytes())];
         let caption = self.sentences.join(" ");
         Some(ReportItem::data(
             "verdict", "Answer", caption, files, provenance,
@@ -364,8 +365,8 @@ fn mixed_lanes(study: &Study) -> Option<String> {
     }))
 }
 
-/// Returns sentences on the clocks of the study's runs.
-fn clocks(study: &Study) -> Vec<String> {
+/// Returns sentences on the clocks of the study's runs, where other work disturbed them.
+pub fn clocks(study: &Study) -> Vec<String> {
     let series = study.series.iter().enumerate();
     let runs = series.flat_map(|(index, series)| {
         let facets = 0..study.facets.len();

@@ -78,11 +78,8 @@ impl Table {
                 let (power, rest) = power
                     .split_once(' ')
                     .map_or((power, ""), |(p, rest)| (p, rest));
-                let rest = if rest.is_empty() {
-                    String::new()
-                } else {
-                    format!(" {}", latex::escape(rest))
-                };
+                let words = rest.split_whitespace().map(word);
+                let rest: String = words.map(|word| format!(" {word}")).collect();
                 format!(
                     "${} \\times 10^{{{power}}}${rest}",
                     factor.replace("> ", ">")
@@ -95,5 +92,17 @@ impl Table {
         } else {
             text
         }
+    }
+}
+
+/// Formats a word of a cell after its value, with the power of ten of a number in math mode.
+fn word(word: &str) -> String {
+    let number = word.trim_matches(['(', ')', ',']);
+    match number.split_once('e') {
+        Some((factor, power)) if factor.parse::<f64>().is_ok() && power.parse::<i32>().is_ok() => {
+            let shown = format!("${factor} \\times 10^{{{power}}}$");
+            word.replace(number, &shown)
+        }
+        _ => latex::escape(word),
     }
 }

@@ -20,11 +20,11 @@ impl Table {
     /// below.
     pub fn to_markdown(&self) -> String {
         format!(
-            "**{}.** {}\n\n{}\n<!--\n{}\n-->\n",
+            "**{}.** {}\n\n{}\n{}",
             self.title,
             self.caption,
             self.markdown_rows(),
-            self.provenance.text().replace("--", "- -")
+            self.provenance.markup_comment()
         )
     }
 

@@ -34,6 +34,7 @@ impl Night {
             backend: cell.config.backend.clone(),
             denoise: cell.config.denoise.as_ref().map(|d| d.name().to_owned()),
             scene: cell.config.scene.clone(),
+            changes: cell.config.scene_changes(),
             max_depth: cell.config.max_depth,
             resolution: cell.config.resolution,
             reference: cell.reference,

@@ -11,6 +11,7 @@ use crate::experiment::stop::StopRule;
 use lumbre_light::scene::SceneDesc;
 use lumbre_light::transport::delay::Profile;
 use lumbre_light::transport::time_settings::Timing;
+use lumbre_light::value::Value;
 use lumbre_metrics::MetricSpec;
 use lumbre_metrics::floor::Floor;
 use lumbre_render::{OpenStats, Peer, Settings};
@@ -117,6 +118,8 @@ pub struct RunPlan {
     pub denoise: Option<String>,
     /// Scene as written in the script.
     pub scene: String,
+    /// Options of the scene and changes to it, by name and path.
+    pub changes: BTreeMap<String, Value>,
     /// Greatest number of path edges, if the script sets it.
     pub max_depth: Option<u32>,
     /// Width and height in pixels, if known.

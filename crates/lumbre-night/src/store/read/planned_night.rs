@@ -41,6 +41,7 @@ pub(crate) fn planned_night(files: &NightReader) -> Night {
         timing: cell.timing.clone(),
         delays: cell.delays.clone(),
         scene: cell.scene.clone(),
+        changes: cell.changes.clone(),
         max_depth: cell.max_depth,
         resolution: cell.resolution,
         reference: cell.reference,

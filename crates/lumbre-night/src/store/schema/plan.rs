@@ -186,6 +186,9 @@ records! {
         pub backend: String,
         /// Scene as written in the script.
         pub scene: String,
+        /// Options of the scene and changes to it, by name and path. Only of cells that have any.
+        #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+        pub changes: BTreeMap<String, Value>,
         /// Greatest number of path edges; `null` for the value of the scene.
         pub max_depth: Option<u32>,
         /// Width and height in pixels; `null` for the value of the scene.

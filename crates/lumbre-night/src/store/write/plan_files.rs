@@ -149,6 +149,7 @@ fn planned_cell(plan: &Plan, index: usize, stop: usize) -> PlannedCell {
         integrator: cell.config.integrator.clone(),
         backend: cell.config.backend.clone(),
         scene: cell.config.scene.clone(),
+        changes: cell.config.scene_changes(),
         max_depth: cell.config.max_depth,
         resolution: cell.config.resolution,
         reference: cell.reference,

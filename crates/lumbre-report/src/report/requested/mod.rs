@@ -60,7 +60,6 @@ pub(super) fn items(study: &Study) -> Vec<ReportItem> {
         let stem = format!("requested/{}", table.name);
         let table = Table {
             section: SECTION.to_owned(),
-            provenance: provenance.clone(),
             ..table
         };
         ReportItem {

@@ -70,7 +70,7 @@ fn table(study: &Study, spec: &TableSpec, device: Option<&str>) -> Table {
         columns,
         rows,
         digits: Digits::Significant(4),
-        provenance: Provenance::default(),
+        provenance: Provenance::from_members(study.all().filter(|m| m.run.is_done())),
     }
 }
 

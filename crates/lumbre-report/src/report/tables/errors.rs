@@ -139,10 +139,15 @@ pub(in crate::report) fn equal_time(
         .map(|f| common_time(study, options, f))
         .collect();
     times.iter().flatten().next()?;
+    let subtracted = if spec.net(1.0, 0.5).is_some() {
+        "The error of the reference is subtracted if it is known."
+    } else {
+        "The error of the reference is in the numbers, since it cannot be subtracted from this \
+         metric."
+    };
     let caption = format!(
         "{} after the render time in the row's label. Values between measurements are \
-         interpolated linearly on the scales of the plots. The error of the reference is subtracted if it \
-         is known. Mean over repeats.",
+         interpolated linearly on the scales of the plots. {subtracted} Mean over repeats.",
         format::metric_description(spec)
     );
     let table = Table {

@@ -46,9 +46,10 @@ impl NightModel {
         })
     }
 
-    /// Remaining wall time of the night: the latest forecast minus the time since it was made.
+    /// Remaining wall time of the night: the latest forecast minus the time since it was made, and at
+    /// least what the current run needs.
     ///
-    /// Without a forecast, or if the forecast does not cover every run, each waiting run counts
+    /// Without a forecast, or if it does not cover every run or its time has passed, each waiting run counts
     /// with the mean wall time of the finished ones or, if none has finished, with the limit of its
     /// stop rule. Returns `None` if neither is known.
     pub fn night_eta(&self, now_s: f64) -> Option<Eta> {
@@ -60,12 +61,15 @@ impl NightModel {
             .forecast
             .filter(|(left, _)| left.unknown == 0 && left.known > 0)
         {
-            let seconds = (left.seconds - (now_s - at_s)).max(0.0);
-            return Some(Eta {
-                seconds,
-                at_most: left.at_most,
-                forecast: left.rough,
-            });
+            let seconds = left.seconds - (now_s - at_s);
+            let current = self.cell_eta(now_s).map_or(0.0, |eta| eta.seconds);
+            if seconds > 0.0 {
+                return Some(Eta {
+                    seconds: seconds.max(current),
+                    at_most: left.at_most,
+                    forecast: left.rough,
+                });
+            }
         }
         let is_reference = |cell: &CellRef| matches!(cell, CellRef::Reference(_));
         let means = [false, true].map(|wanted| {
