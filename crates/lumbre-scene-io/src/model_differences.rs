@@ -14,7 +14,7 @@ pub(crate) const PHONG: &str = "lobes of the `phong` model are about the reflect
                                 Beckmann lobe of the same width near the mirror direction is used, \
                                 which is narrower at grazing angles";
 
-/// Ward's model.
+/// Ward's model of highlights.
 pub(crate) const WARD: &str = "lobes of the `ward` model have no shadowing; a Beckmann lobe of the \
                                same width is used, which is darker at grazing angles";
 

@@ -183,7 +183,7 @@ fn parameters_of_mitsuba_that_nothing_reads_are_noted() {
                 let fate = mitsuba(&format!(
                     "{before}<{class} type=\"{name}\">{unknown}{inside}</{class}>{after}"
                 ));
-                assert!(!fate.0.is_empty(), "{class} {name}: nothing is said");
+                assert!(!fate.0.is_empty(), "{class} {name}: no note");
             }
         }
     }
@@ -249,7 +249,7 @@ fn parameters_of_pbrt_that_nothing_reads_are_noted() {
             } else {
                 pbrt(4, &line)
             };
-            assert!(!fate.0.is_empty(), "{directive} {name}: nothing is said");
+            assert!(!fate.0.is_empty(), "{directive} {name}: no note");
         }
     }
 }

@@ -105,8 +105,8 @@ mod tests {
         for name in [
             "textures/WOOD/oak.png",
             "textures\\wood\\oak.png",
-            "C:\\Users\\me\\room\\Textures\\wood\\Oak.PNG",
-            "/home/me/textures/wood/oak.png",
+            "C:\\models\\room\\Textures\\wood\\Oak.PNG",
+            "/srv/models/textures/wood/oak.png",
         ] {
             assert_eq!(found(name), (oak.clone(), 1), "{name}");
         }

@@ -299,13 +299,12 @@ fn vertices(
 }
 
 /// Properties that say nothing about the surface.
-const MEASUREMENTS: [&str; 6] = [
+const MEASUREMENTS: [&str; 5] = [
     "confidence",
     "intensity",
     "quality",
     "flags",
     "face_indices",
-    "texnumber",
 ];
 
 /// Returns the names of the properties of vertices or faces that are not supported; `None` if there

@@ -35,6 +35,11 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
         limits: "polygons whose edges intersect are noted",
     },
     SupportedElement {
+        name: "`confidence`, `intensity`, `quality`, `flags`, `face_indices`",
+        support: "none: they say nothing about the surface",
+        limits: "",
+    },
+    SupportedElement {
         name: "all other elements and properties",
         support: "",
         limits: "noted by name, such as colours and texture coordinates of faces",

@@ -23,7 +23,9 @@ fn a_forecast_runs_down_while_nothing_else_happens() {
     };
     model.receive(&Event::Forecast(forecast), now_s);
     let left = |after_s: f64| model.night_eta(now_s + after_s).unwrap().seconds;
-    assert_eq!([left(0.0), left(25.0), left(70.0)], [60.0, 35.0, 0.0]);
+    assert_eq!([left(0.0), left(25.0)], [60.0, 35.0]);
+    // A forecast whose time has passed was wrong.
+    assert_eq!(model.night_eta(now_s + 70.0), None);
 }
 
 #[test]
