@@ -49,7 +49,7 @@ pub const FORMATS: &[FormatRow] = &[
               metallic-roughness materials with extensions.",
         sniff: gltf::sniff,
         load: gltf::load,
-        load_with_variables: None,
+        load_with_variables: Some(gltf::load_with_variables),
         is_model: true,
         supported: gltf::SUPPORTED,
     },

@@ -67,7 +67,7 @@ impl CompiledScene {
 }
 
 /// Returns det(L) L^-T, which also exists if L is singular.
-pub(super) fn cofactor(linear: DMat3) -> DMat3 {
+pub fn cofactor(linear: DMat3) -> DMat3 {
     DMat3::from_cols(
         linear.y_axis.cross(linear.z_axis),
         linear.z_axis.cross(linear.x_axis),

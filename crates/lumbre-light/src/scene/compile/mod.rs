@@ -21,6 +21,7 @@ mod texture_bank;
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
+pub use corners::cofactor;
 pub use delays::{Blend, DelayParam, DelayProfile, Delays, MaterialComponent};
 pub use entities::Entities;
 pub use flatten::{MAX_PRIMITIVES, compile, compile_camera, compile_sharing};

@@ -29,7 +29,13 @@ const COMPONENTS: &[(u64, usize, f64)] = &[
     (5126, 4, 1.0),
 ];
 /// Number of components of each element type.
-const TYPES: &[(&str, usize)] = &[("SCALAR", 1), ("VEC2", 2), ("VEC3", 3), ("VEC4", 4)];
+const TYPES: &[(&str, usize)] = &[
+    ("SCALAR", 1),
+    ("VEC2", 2),
+    ("VEC3", 3),
+    ("VEC4", 4),
+    ("MAT4", 16),
+];
 
 /// Greatest count of numbers read per byte of the file and its buffers; accessors may overlap.
 const MAX_NUMBERS_PER_BYTE: u64 = 32;

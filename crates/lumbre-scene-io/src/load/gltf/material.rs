@@ -10,6 +10,7 @@ use glam::{Affine2, Vec2, Vec3};
 use serde_json::Value as Json;
 
 use super::document::Document;
+use super::shown;
 use crate::load::images::ImageCache;
 use crate::load::{MissingTextures, with_lenient_hint};
 use crate::names::UniqueNames;
@@ -134,8 +135,8 @@ impl<'a> MaterialReader<'a> {
             .flat_map(|o| o.keys())
             .filter(|k| !SUPPORTED_EXTENSIONS.contains(&k.as_str()))
         {
-            let shown: String = name.chars().take(48).collect();
-            self.note(&place, format!("the extension `{shown}` is not supported"));
+            let name = shown(name);
+            self.note(&place, format!("the extension `{name}` is not supported"));
         }
         self.textures(&place, &m, &mut loaded)?;
         let d = &loaded.desc;
@@ -471,7 +472,7 @@ impl<'a> MaterialReader<'a> {
             self.note(place, "the texture has no image; it is ignored");
             return Ok(());
         };
-        let name: String = name.chars().take(48).collect();
+        let name = shown(name);
         let problem =
             format!("only the extension `{name}`, which is not supported, gives its image");
         if self.missing == MissingTextures::Fail {

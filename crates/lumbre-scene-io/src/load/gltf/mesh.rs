@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use glam::{Affine2, DVec3, Vec2, Vec3, Vec4};
+use glam::{Affine2, DVec3, DVec4, Vec2, Vec3, Vec4};
 use serde_json::Value as Json;
 
+use super::deform::{Deformation, Vertices};
 use super::document::Document;
 use super::material::UvSets;
 use super::{GltfLoader, list};
@@ -110,15 +111,19 @@ impl Attributes {
 }
 
 impl GltfLoader<'_> {
-    /// Returns all primitives of a mesh as one, or `None` if none consists of triangles.
-    pub(super) fn mesh(&mut self, i: usize, mesh: &Json) -> Result<Option<MeshDesc>, SceneError> {
+    /// Returns all primitives of a deformed mesh as one, or `None` if none consists of triangles.
+    pub(super) fn mesh(
+        &mut self,
+        i: usize,
+        mesh: &Json,
+        deformation: &Deformation,
+    ) -> Result<Option<MeshDesc>, SceneError> {
         let mut merged = Shape::default();
         let (mut slots, mut triangle_slot): (Vec<String>, Vec<u32>) = (Vec::new(), Vec::new());
         let mut slot_indices: BTreeMap<String, u32> = BTreeMap::new();
         for (k, primitive) in list(&mesh["primitives"]).iter().enumerate() {
-            let Some((shape, slot)) =
-                self.primitive(&format!("meshes[{i}].primitives[{k}]"), primitive)?
-            else {
+            let place = format!("meshes[{i}].primitives[{k}]");
+            let Some((shape, slot)) = self.primitive(&place, primitive, deformation)? else {
                 continue;
             };
             let index = *slot_indices.entry(slot).or_insert_with_key(|slot| {
@@ -146,6 +151,7 @@ impl GltfLoader<'_> {
         &mut self,
         place: &str,
         primitive: &Json,
+        deformation: &Deformation,
     ) -> Result<Option<(Shape, String)>, SceneError> {
         let document = self.document;
         let mode = primitive["mode"].as_u64().unwrap_or(4);
@@ -165,29 +171,48 @@ impl GltfLoader<'_> {
         };
         let attributes = Attributes::read(document, place, primitive, uv_sets)?;
         let (indices, used) = vertex_indices(document, place, primitive, &attributes)?;
-        let vec3s = |numbers: &[f64]| -> Vec<Vec3> {
-            select::<3>(numbers, &used)
-                .iter()
-                .map(|c| vec3(c))
-                .collect()
+        let vectors = |numbers: &[f64]| -> Vec<DVec3> {
+            let selected = select::<3>(numbers, &used).into_iter();
+            selected.map(DVec3::from_array).collect()
         };
+        let tangents = select::<4>(&attributes.tangents, &used).into_iter();
+        let tangents: Vec<DVec4> = tangents.map(DVec4::from_array).collect();
+        let mut vertices = Vertices {
+            count: attributes.count(),
+            positions: vectors(&attributes.positions),
+            normals: vectors(&attributes.normals),
+            tangents: tangents.iter().map(|t| t.truncate()).collect(),
+            used,
+        };
+        self.morph(place, primitive, &deformation.weights, &mut vertices)?;
+        if let Some((_, joints)) = &deformation.skin {
+            self.skin(place, primitive, joints, &mut vertices)?;
+        }
+        if !vertices.positions.iter().all(|p| p.as_vec3().is_finite()) {
+            let problem = "its morph targets or joints move a vertex out of range";
+            return Err(document.error(place, problem));
+        }
+        let used = &vertices.used;
+        let rounded = |v: &[DVec3]| v.iter().map(|v| v.as_vec3()).collect();
         // Texture coordinates start at the top left in the file, at the bottom left in a `Shape`.
         let uvs = |numbers: &[f64], map: Affine2| -> Vec<Vec2> {
             let uv = |[x, y]: &[f64; 2]| {
                 let p = map.transform_point2(Vec2::new(*x as f32, *y as f32));
                 Vec2::new(p.x, 1.0 - p.y)
             };
-            select::<2>(numbers, &used).iter().map(uv).collect()
+            select::<2>(numbers, used).iter().map(uv).collect()
         };
-        let colors = self.colors(place, &attributes, &used);
+        let colors = self.colors(place, &attributes, used);
         let mut shape = Shape {
-            positions: vec3s(&attributes.positions),
-            normals: vec3s(&attributes.normals),
+            positions: rounded(&vertices.positions),
+            normals: rounded(&vertices.normals),
             uvs: uvs(&attributes.uvs, uv_sets.map),
             second_uvs: uvs(&attributes.second_uvs, Affine2::IDENTITY),
-            tangents: select::<4>(&attributes.tangents, &used)
+            tangents: vertices
+                .tangents
                 .iter()
-                .map(tangent)
+                .zip(&tangents)
+                .map(|(along, t)| tangent(*along, t.w))
                 .collect(),
             colors,
             triangles: triangles(mode, &indices),
@@ -219,15 +244,10 @@ impl GltfLoader<'_> {
         colors.iter().map(|c| clamped(c)).collect()
     }
 
-    /// Notes the attributes of a primitive that are not supported.
+    /// Notes an attribute of a primitive that is not supported.
     fn note_unsupported(&mut self, place: &str, primitive: &Json) {
-        for (key, what) in [("COLOR_1", "second vertex colours"), ("JOINTS_0", "joints")] {
-            if !primitive["attributes"][key].is_null() {
-                self.note(place, format!("{what} are not supported"));
-            }
-        }
-        if primitive["targets"].is_array() {
-            self.note(place, "morph targets are not supported");
+        if !primitive["attributes"]["COLOR_1"].is_null() {
+            self.note(place, "second vertex colours are not supported");
         }
     }
 }
@@ -302,9 +322,10 @@ fn strip(indices: &[u32]) -> Vec<[u32; 3]> {
 }
 
 /// Returns a unit tangent and the sign of its bitangent; zero if it has no direction.
-fn tangent(t: &[f64; 4]) -> Vec4 {
-    let sign = if t[3] < 0.0 { -1.0 } else { 1.0 };
-    vec3(t)
+fn tangent(along: DVec3, sign: f64) -> Vec4 {
+    let sign = if sign < 0.0 { -1.0 } else { 1.0 };
+    along
+        .as_vec3()
         .try_normalize()
         .map_or(Vec4::ZERO, |along| along.extend(sign))
 }
@@ -315,7 +336,7 @@ fn vec3(c: &[f64]) -> Vec3 {
 }
 
 /// Returns the elements at `indices` of a flat list with `N` numbers per element.
-fn select<const N: usize>(numbers: &[f64], indices: &[u32]) -> Vec<[f64; N]> {
+pub(super) fn select<const N: usize>(numbers: &[f64], indices: &[u32]) -> Vec<[f64; N]> {
     let element = |i: &u32| {
         numbers
             .get(N * *i as usize..)

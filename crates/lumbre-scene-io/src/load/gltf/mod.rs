@@ -6,7 +6,10 @@
 //! factors. Texture coordinates start at the top left in the file and at the bottom left here.
 //! Triangles without normals are flat, as the format specifies. Surfaces are two-sided whatever `doubleSided` says.
 
+mod animation;
+mod deform;
 mod document;
+mod entity;
 mod material;
 mod mesh;
 mod supported;
@@ -15,19 +18,20 @@ pub(super) use self::supported::SUPPORTED;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use std::rc::Rc;
 use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 use serde_json::Value as Json;
 
+use self::deform::DeformationKey;
 use self::document::{Document, GLB_MAGIC};
 use self::material::{MaterialReader, UvSets};
-use super::MissingTextures;
-use super::default_scene;
+use super::{MissingTextures, Variables, default_scene};
 use crate::names::UniqueNames;
 use lumbre_light::scene::desc::{
     CameraDesc, CameraKind, ConeDesc, ConeEdge, DEFAULT_MATERIAL, EntityDesc, LightDesc, LightKind,
-    MaterialDesc, MeshDesc, Optics, SceneDesc, ShapeDesc, Transform, VIEW_HEIGHT_RANGE,
+    MaterialDesc, MeshDesc, Optics, SceneDesc, VIEW_HEIGHT_RANGE,
 };
 use lumbre_light::scene::{Note, SceneError};
 
@@ -54,7 +58,16 @@ pub(super) fn load(
     path: &Path,
     missing: MissingTextures,
 ) -> Result<(SceneDesc, Vec<Note>), SceneError> {
-    let document = Document::read(path)?;
+    load_with_variables(path, missing, &Variables::new())
+}
+
+/// Loads a document at the time of an animation that the scene options `time` and `animation` select.
+pub(super) fn load_with_variables(
+    path: &Path,
+    missing: MissingTextures,
+    options: &Variables,
+) -> Result<(SceneDesc, Vec<Note>), SceneError> {
+    let mut document = Document::read(path)?;
     if !document.json["asset"]["version"]
         .as_str()
         .is_some_and(|v| v.starts_with("2."))
@@ -62,6 +75,7 @@ pub(super) fn load(
         return Err(document.error("asset.version", "expected version 2.x"));
     }
     let mut notes = Vec::new();
+    animation::apply(&mut document, options, &mut notes)?;
     let mut loader = GltfLoader {
         document: &document,
         materials: Vec::new(),
@@ -71,7 +85,8 @@ pub(super) fn load(
         entities: Vec::new(),
         lights: Vec::new(),
         camera: None,
-        visited: BTreeSet::new(),
+        worlds: BTreeMap::new(),
+        skins: BTreeMap::new(),
         names: UniqueNames::default(),
         notes: Vec::new(),
     };
@@ -103,12 +118,15 @@ struct GltfLoader<'a> {
     materials_by_index: BTreeMap<usize, (String, UvSets)>,
     /// Name of the material of primitives without one.
     default_material: Option<String>,
-    meshes: BTreeMap<usize, Option<Arc<MeshDesc>>>,
+    /// Meshes by index and deformation.
+    meshes: BTreeMap<(usize, DeformationKey), Option<Arc<MeshDesc>>>,
     entities: Vec<EntityDesc>,
     lights: Vec<LightDesc>,
     camera: Option<CameraDesc>,
-    /// Indices of the nodes read so far; a node may have at most one parent.
-    visited: BTreeSet<usize>,
+    /// World transforms of the nodes of the scene; a node may have at most one parent.
+    worlds: BTreeMap<usize, DAffine3>,
+    /// Maps of the joints of skins, by index; `None` for one that is ignored.
+    skins: BTreeMap<usize, Option<Rc<Vec<DAffine3>>>>,
     names: UniqueNames,
     notes: Vec<Note>,
 }
@@ -138,7 +156,7 @@ impl GltfLoader<'_> {
             let names = names.filter(|name| {
                 !EXTENSIONS.contains(name) && !name.starts_with(MATERIAL_EXTENSION_PREFIX)
             });
-            names.map(|name| name.chars().take(48).collect()).collect()
+            names.map(shown).collect()
         };
         if let Some(name) = unsupported("extensionsRequired").first() {
             let problem =
@@ -189,14 +207,6 @@ impl GltfLoader<'_> {
     /// Loads the nodes of the default scene, or all root nodes if the document has no scenes.
     fn load_scene(&mut self) -> Result<(), SceneError> {
         let document = self.document;
-        for list in ["animations", "skins"] {
-            if document.count(list) > 0 {
-                self.note(
-                    list,
-                    format!("{list} are not supported; every node has its static transform"),
-                );
-            }
-        }
         let roots: Vec<Json> = match document.count("scenes") {
             0 => {
                 let children = (0..document.count("nodes"))
@@ -209,29 +219,48 @@ impl GltfLoader<'_> {
             }
             _ => {
                 let which = document.json.get("scene").cloned().unwrap_or(Json::from(0));
-                list(&document.resolve("scene", "scenes", &which)?.1["nodes"])
+                list(&document.resolve("scene", "scenes", &which)?.1["nodes"]).to_vec()
             }
         };
-        roots
-            .iter()
-            .try_for_each(|root| self.node(root, DAffine3::IDENTITY, 0))
+        let mut order = Vec::new();
+        for root in &roots {
+            self.place(root, DAffine3::IDENTITY, 0, &mut order)?;
+        }
+        order.into_iter().try_for_each(|i| self.node(i))
     }
 
-    /// Loads a node and its children. `parent` is the world transform of its parent.
-    fn node(&mut self, index: &Json, parent: DAffine3, depth: usize) -> Result<(), SceneError> {
+    /// Computes the world transforms of a node and its children, and appends their indices to
+    /// `order`. `parent` is the world transform of its parent.
+    fn place(
+        &mut self,
+        index: &Json,
+        parent: DAffine3,
+        depth: usize,
+        order: &mut Vec<usize>,
+    ) -> Result<(), SceneError> {
         let document = self.document;
         let (i, node) = document.resolve("nodes", "nodes", index)?;
         let place = format!("nodes[{i}]");
-        if depth > MAX_DEPTH || !self.visited.insert(i) {
+        let world = parent * node_transform(node);
+        if depth > MAX_DEPTH || self.worlds.insert(i, world).is_some() {
             let problem = format!(
                 "nodes form a cycle, are nested more than {MAX_DEPTH} deep, or have two parents"
             );
             return Err(document.error(&place, problem));
         }
-        let world = parent * node_transform(node);
         if !world.is_finite() {
             return Err(document.error(&place, "the transform must be finite"));
         }
+        order.push(i);
+        list(&node["children"])
+            .iter()
+            .try_for_each(|child| self.place(child, world, depth + 1, order))
+    }
+
+    /// Loads the mesh, the camera and the light of a node that has been placed.
+    fn node(&mut self, i: usize) -> Result<(), SceneError> {
+        let (node, place) = (self.document.at("nodes", i), format!("nodes[{i}]"));
+        let world = self.worlds[&i];
         if !node["mesh"].is_null() {
             self.entity(&place, node, world)?;
         }
@@ -242,33 +271,6 @@ impl GltfLoader<'_> {
         if !light.is_null() {
             self.light(&place, light, world)?;
         }
-        list(&node["children"])
-            .iter()
-            .try_for_each(|child| self.node(child, world, depth + 1))
-    }
-
-    /// Adds an entity for the mesh of a node, which is read once.
-    fn entity(&mut self, place: &str, node: &Json, world: DAffine3) -> Result<(), SceneError> {
-        let (i, mesh) = self.document.resolve(place, "meshes", &node["mesh"])?;
-        let shape = match self.meshes.get(&i) {
-            Some(known) => known.clone(),
-            None => {
-                let read = self.mesh(i, mesh)?.map(Arc::new);
-                self.meshes.insert(i, read.clone());
-                read
-            }
-        };
-        let Some(shape) = shape else { return Ok(()) };
-        let given = if node["name"].is_string() {
-            &node["name"]
-        } else {
-            &mesh["name"]
-        };
-        let name = self.name(given, "mesh");
-        self.entities.push(EntityDesc {
-            transform: Transform::framed(world.as_affine3a()),
-            ..EntityDesc::new(name, ShapeDesc::Mesh(shape))
-        });
         Ok(())
     }
 
@@ -393,8 +395,8 @@ fn spot_cone(spot: &Json) -> Result<ConeDesc, String> {
 }
 
 /// Returns the elements of a list, or none for anything else.
-fn list(v: &Json) -> Vec<Json> {
-    v.as_array().cloned().unwrap_or_default()
+fn list(v: &Json) -> &[Json] {
+    v.as_array().map_or(&[], Vec::as_slice)
 }
 
 /// Reads the view of a perspective camera; `None` if it is missing or out of range.
@@ -424,21 +426,25 @@ fn node_transform(node: &Json) -> DAffine3 {
             number(v, 2, default),
         )
     };
-    let r = &node["rotation"];
-    let rotation = DQuat::from_xyzw(
-        number(r, 0, 0.0),
-        number(r, 1, 0.0),
-        number(r, 2, 0.0),
-        number(r, 3, 1.0),
-    );
-    let rotation = if rotation.length_squared() > 0.0 {
-        rotation.normalize()
-    } else {
-        DQuat::IDENTITY
-    };
+    let rotation = unit_quaternion(|i| number(&node["rotation"], i, DQuat::IDENTITY.to_array()[i]));
     DAffine3::from_scale_rotation_translation(
         triple("scale", 1.0),
         rotation,
         triple("translation", 0.0),
     )
+}
+
+/// Returns the rotation of a quaternion of any length, or none for one of length zero.
+fn unit_quaternion(component: impl Fn(usize) -> f64) -> DQuat {
+    let q = DQuat::from_array(std::array::from_fn(component));
+    if q.length_squared() > 0.0 {
+        q.normalize()
+    } else {
+        DQuat::IDENTITY
+    }
+}
+
+/// Returns the beginning of a name, for messages.
+fn shown(name: &str) -> String {
+    name.chars().take(48).collect()
 }

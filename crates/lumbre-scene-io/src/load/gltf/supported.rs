@@ -16,9 +16,19 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
         limits: "",
     },
     SupportedElement {
-        name: "`animations`, `skins`",
-        support: "",
-        limits: "ignored; every node has its static transform",
+        name: "`animations`",
+        support: "the pose at the scene option `time`, in seconds, of the animation with the name or \
+                  index of the option `animation`, else of the first: `STEP`, `LINEAR` and \
+                  `CUBICSPLINE` of `translation`, `rotation`, `scale` and `weights`. Before the first \
+                  and after the last time their values hold",
+        limits: "without `time` every node has its static transform, with a note; \
+                 `KHR_animation_pointer` is noted",
+    },
+    SupportedElement {
+        name: "`skins`, `JOINTS_0`",
+        support: "vertices moved by the joints of `JOINTS_0`, `WEIGHTS_0` and further sets in the pose \
+                  of the nodes, whatever the transform of the mesh's node",
+        limits: "a skin whose joints are not in the scene is ignored, with a note",
     },
     SupportedElement {
         name: "primitives without `material`",
@@ -48,14 +58,15 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
         limits: "alpha is noted",
     },
     SupportedElement {
-        name: "`COLOR_1`, `JOINTS_0`",
+        name: "`COLOR_1`",
         support: "",
         limits: "noted",
     },
     SupportedElement {
         name: "`targets`",
-        support: "",
-        limits: "morph targets are noted",
+        support: "morph targets: displacements of `POSITION`, `NORMAL` and `TANGENT` times the \
+                  `weights` of the node or else of the mesh",
+        limits: "displacements of other attributes are noted",
     },
     SupportedElement {
         name: "`KHR_draco_mesh_compression`",
