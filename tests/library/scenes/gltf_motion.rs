@@ -26,7 +26,8 @@ impl Builder {
         ));
         let view = self.accessors.len();
         self.accessors.push(format!(
-            r#"{{ "bufferView": {view}, "componentType": {component}, "count": {count}, "type": "{ty}", "normalized": false }}"#
+            r#"{{ "bufferView": {view}, "componentType": {component}, "count": {count}, "type": "{ty}", "normalized": {} }}"#,
+            component == 5120
         ));
         view
     }

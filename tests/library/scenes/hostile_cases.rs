@@ -188,6 +188,25 @@ pub fn documents() -> Vec<Case> {
     let laid = format!(
         "\"images\": [ {{ \"uri\": \"t.png\" }} ], \"textures\": [ {{ \"source\": 0 }} ], \"materials\": [ {ways_to_lie} ]"
     );
+    let moved = |nodes: String, mesh: &str, rest: &str| {
+        let text = format!(
+            "\"nodes\": [ {nodes} ], \"meshes\": [ {{ {mesh} }} ], \"buffers\": [ {{ \"uri\": \"b.bin\" }} ],
+             \"accessors\": [ {{ \"bufferView\": 0, \"componentType\": 5121, \"count\": 65530, \"type\": \"VEC3\" }},
+               {{ \"bufferView\": 0, \"componentType\": 5121, \"count\": 65530, \"type\": \"VEC4\" }},
+               {{ \"bufferView\": 0, \"componentType\": 5121, \"count\": 3, \"type\": \"VEC3\" }} ],
+             \"bufferViews\": [ {{ \"buffer\": 0, \"byteLength\": 65536, \"byteStride\": 1 }} ] {rest}"
+        );
+        vec![("a.gltf", json(&text)), ("b.bin", vec![0; 65_536])]
+    };
+    let placed = "{ \"mesh\": 0, \"extensions\": { \"EXT_mesh_gpu_instancing\": { \"attributes\": { \"TRANSLATION\": 0 } } } }";
+    let small = "\"primitives\": [ { \"attributes\": { \"POSITION\": 2 } } ]";
+    let joined = "\"primitives\": [ { \"attributes\": { \"POSITION\": 0, \"JOINTS_0\": 1, \"WEIGHTS_0\": 1 } } ]";
+    let skins = many(100, ",", |_| "{ \"joints\": [0] }".to_owned());
+    let morphed = format!(
+        "\"weights\": [ {} ], \"primitives\": [ {{ \"attributes\": {{ \"POSITION\": 0 }}, \"targets\": [ {} ] }} ]",
+        many(1000, ",", |_| "1".to_owned()),
+        many(1000, ",", |_| "{ \"POSITION\": 0 }".to_owned())
+    );
     let mut cut = glb(GLTF, &gltf_buffer());
     cut[12..16].copy_from_slice(&u32::MAX.to_le_bytes());
     vec![
@@ -207,6 +226,30 @@ pub fn documents() -> Vec<Case> {
         (
             "one accessor for 4000 primitives",
             vec![("a.gltf", json(&overlapping)), ("b.bin", vec![0; 65_536])],
+            "justifies",
+        ),
+        (
+            "instances of the size of a file",
+            moved(placed.to_owned(), small, ""),
+            "",
+        ),
+        (
+            "instances of one accessor at 100 nodes",
+            moved(many(100, ",", |_| placed.to_owned()), small, ""),
+            "entities, too many for the size of the file",
+        ),
+        (
+            "one mesh with 100 skins",
+            moved(
+                many(100, ",", |i| format!("{{ \"mesh\": 0, \"skin\": {i} }}")),
+                joined,
+                &format!(", \"skins\": [ {skins} ]"),
+            ),
+            "justifies",
+        ),
+        (
+            "one accessor as 1000 morph targets",
+            moved("{ \"mesh\": 0 }".to_owned(), &morphed, ""),
             "justifies",
         ),
         (

@@ -16,6 +16,7 @@ mod export_pbrt;
 mod folder;
 mod gltf;
 mod gltf_defaults;
+mod gltf_instances;
 mod gltf_motion;
 mod growth;
 mod growth_files;

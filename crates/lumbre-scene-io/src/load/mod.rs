@@ -125,6 +125,10 @@ const STUDIO: &str = "nothing in this model emits light: it stands in a studio w
                       light and a dim environment. The scene option `stage` selects `studio`, \
                       `white` (radiance 1 from everywhere) or `none`";
 
+/// Number of entities that a file of any size may create by instances; each byte of the file allows
+/// one more.
+const SMALL_ENTITIES: usize = 4096;
+
 /// Number of bytes that are read to recognise the format of a file.
 const SNIFF_BYTES: u64 = 4096;
 

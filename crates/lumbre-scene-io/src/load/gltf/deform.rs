@@ -5,7 +5,7 @@ use std::rc::Rc;
 use glam::{DAffine3, DMat3, DVec3};
 use serde_json::Value as Json;
 
-use super::mesh::select;
+use super::document::select;
 use super::{GltfLoader, list, shown};
 use lumbre_light::scene::SceneError;
 use lumbre_light::scene::compile::cofactor;

@@ -387,6 +387,17 @@ fn component(code: u64, b: &[u8]) -> f64 {
     }
 }
 
+/// Returns the elements at `indices` of a flat list with `N` numbers per element.
+pub(super) fn select<const N: usize>(numbers: &[f64], indices: &[u32]) -> Vec<[f64; N]> {
+    let element = |i: &u32| {
+        numbers
+            .get(N * *i as usize..)
+            .and_then(|rest| rest.first_chunk())
+            .copied()
+    };
+    indices.iter().filter_map(element).collect()
+}
+
 /// Returns the JSON and the binary chunk of a .glb file.
 fn chunks(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), String> {
     let word = |at: usize| {

@@ -7,7 +7,7 @@ use glam::{Affine2, DVec3, DVec4, Vec2, Vec3, Vec4};
 use serde_json::Value as Json;
 
 use super::deform::{Deformation, Vertices};
-use super::document::Document;
+use super::document::{Document, select};
 use super::material::UvSets;
 use super::{GltfLoader, list};
 use lumbre_light::scene::SceneError;
@@ -333,17 +333,6 @@ fn tangent(along: DVec3, sign: f64) -> Vec4 {
 /// Returns a vector of three numbers, rounded to `f32`.
 fn vec3(c: &[f64]) -> Vec3 {
     DVec3::new(c[0], c[1], c[2]).as_vec3()
-}
-
-/// Returns the elements at `indices` of a flat list with `N` numbers per element.
-pub(super) fn select<const N: usize>(numbers: &[f64], indices: &[u32]) -> Vec<[f64; N]> {
-    let element = |i: &u32| {
-        numbers
-            .get(N * *i as usize..)
-            .and_then(|rest| rest.first_chunk())
-            .copied()
-    };
-    indices.iter().filter_map(element).collect()
 }
 
 #[cfg(test)]

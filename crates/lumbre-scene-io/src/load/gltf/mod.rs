@@ -40,6 +40,7 @@ const MAX_DEPTH: usize = 256;
 /// Extensions that are supported, or refused where they occur. Unsupported material extensions are
 /// noted with their material.
 const EXTENSIONS: &[&str] = &[
+    "EXT_mesh_gpu_instancing",
     "KHR_lights_punctual",
     "KHR_texture_transform",
     "KHR_mesh_quantization",

@@ -31,6 +31,12 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
         limits: "a skin whose joints are not in the scene is ignored, with a note",
     },
     SupportedElement {
+        name: "`EXT_mesh_gpu_instancing`",
+        support: "`TRANSLATION`, `ROTATION` and `SCALE`: instances that share the mesh of a node",
+        limits: "other attributes are noted, except those whose names start with `_`; a mesh with a \
+                 skin has one instance, with a note",
+    },
+    SupportedElement {
         name: "primitives without `material`",
         support: "a rough white metal, the material of an empty object",
         limits: "",

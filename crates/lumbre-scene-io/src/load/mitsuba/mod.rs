@@ -40,7 +40,7 @@ use self::shape::{MeshLoader, SurfaceNeeds, TransformedShape};
 use self::texture::TextureReader;
 use self::tree::{Property, XmlObject};
 use super::materials::Materials;
-use super::{MissingTextures, Variables, default_scene};
+use super::{MissingTextures, SMALL_ENTITIES, Variables, default_scene};
 use crate::names::UniqueNames;
 use lumbre_light::scene::desc::{
     EntityDesc, EnvironmentDesc, LightDesc, MAX_EDGES, SceneDesc, Transform,
@@ -49,10 +49,6 @@ use lumbre_light::scene::{Note, SceneError};
 
 /// Default resolution of a film.
 const DEFAULT_FILM: [u32; 2] = [768, 576];
-
-/// Number of entities that a file of any size may create by instances; each byte of the file allows
-/// one more.
-const SMALL_ENTITIES: usize = 4096;
 
 /// Returns whether the first bytes of a file look like a scene in XML.
 pub(super) fn sniff(head: &[u8]) -> bool {

@@ -53,16 +53,12 @@ use self::state::{MaterialRef, State};
 use self::texture::{TextureContext, TextureReader, TextureValue};
 use self::version::Version;
 use super::materials::Materials;
-use super::{MissingTextures, default_scene};
+use super::{MissingTextures, SMALL_ENTITIES, default_scene};
 use crate::names::UniqueNames;
 use lumbre_light::scene::desc::{
     EntityDesc, EnvironmentDesc, LightDesc, MAX_EDGES, SceneDesc, ShapeDesc, Transform,
 };
 use lumbre_light::scene::{Note, SceneError};
-
-/// Number of entities that a file of any size may create by instances; each byte of the file allows
-/// one more.
-const SMALL_ENTITIES: usize = 4096;
 
 /// Default `maxdepth` of the integrators.
 const DEFAULT_MAX_DEPTH: u32 = 5;
