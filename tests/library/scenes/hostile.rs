@@ -57,7 +57,7 @@ fn folder_size(folder: &Path) -> usize {
 /// but no file, so the path is added.
 fn read(path: &Path) -> Result<(), SceneError> {
     let extension = path.extension().unwrap().to_str().unwrap();
-    if ["png", "jpg", "bmp", "hdr", "tga", "exr"].contains(&extension) {
+    if ["png", "jpg", "bmp", "hdr", "tga", "webp", "exr"].contains(&extension) {
         return texture(path, &mut Vec::new()).map(drop);
     }
     let (desc, _) = scene::read(path, &Default::default(), MissingTextures::Note)?;

@@ -17,6 +17,7 @@ mod folder;
 mod gltf;
 mod gltf_defaults;
 mod gltf_instances;
+mod gltf_materials;
 mod gltf_motion;
 mod growth;
 mod growth_files;

@@ -330,7 +330,7 @@ fn exr() -> Vec<u8> {
 
 /// Returns all samples. A format with several variants has several.
 pub fn samples() -> Vec<Sample> {
-    use image::ImageFormat::{Bmp, Hdr, Jpeg, Png, Tga};
+    use image::ImageFormat::{Bmp, Hdr, Jpeg, Png, Tga, WebP};
     let png = picture(Png);
     let one = |name, file, bytes: &[u8], beside: &[(&'static str, &[u8])]| Sample {
         name,
@@ -431,6 +431,7 @@ pub fn samples() -> Vec<Sample> {
         ("jpeg", "a.jpg", Jpeg),
         ("bmp", "a.bmp", Bmp),
         ("hdr", "a.hdr", Hdr),
+        ("webp", "a.webp", WebP),
     ];
     all.extend(
         pictures

@@ -1,4 +1,4 @@
-//! Texture images: PNG, JPEG, BMP, TGA and Radiance HDR files through the `image` crate, and
+//! Texture images: PNG, JPEG, BMP, TGA, WebP and Radiance HDR files through the `image` crate, and
 //! OpenEXR, within limits on their size.
 
 use std::collections::BTreeMap;
@@ -111,10 +111,68 @@ impl ImageCache {
         f: impl Fn([f32; 4]) -> [f32; 4],
     ) -> Result<Arc<TextureDesc>, String> {
         let key = (from.content_hash, how.to_owned());
+        let texels = || match &from.texels {
+            Texels::Rgba8(t) => t
+                .iter()
+                .map(|p| f(p.map(|c| f32::from(c) / 255.0)))
+                .collect(),
+            Texels::RgbaF32(t) => t.iter().map(|p| f(*p)).collect(),
+        };
+        self.computed(key, (&from.file, [from.width, from.height]), texels)
+    }
+
+    /// Returns a float image of a size in which every texel is computed from the texels of two
+    /// colour images at its place, linear. Nothing is interpolated.
+    ///
+    /// # Errors
+    /// Fails like [`ImageCache::derived`].
+    pub fn combined(
+        &mut self,
+        images: [&TextureDesc; 2],
+        [width, height]: [u32; 2],
+        how: &str,
+        f: impl Fn([f32; 4], [f32; 4]) -> [f32; 4],
+    ) -> Result<Arc<TextureDesc>, String> {
+        let [first, second] = images;
+        let how = format!("{how} {width} {height} {:?}", second.content_hash);
+        let texel = |image: &TextureDesc, x: u32, y: u32| {
+            let scaled = |at: u32, to: u32, of: u32| u64::from(at) * u64::from(to) / u64::from(of);
+            let row = scaled(y, image.height, height) * u64::from(image.width);
+            let at = (row + scaled(x, image.width, width)) as usize;
+            match &image.texels {
+                Texels::Rgba8(t) => {
+                    let [r, g, b, a] = t[at];
+                    let [r, g, b] = [r, g, b].map(|c| Curve::Srgb.decode(c));
+                    [r, g, b, f32::from(a) / 255.0]
+                }
+                Texels::RgbaF32(t) => t[at],
+            }
+        };
+        let row = |y| (0..width).map(move |x| [x, y]);
+        let texels = || {
+            let places = (0..height).flat_map(row);
+            places
+                .map(|[x, y]| f(texel(first, x, y), texel(second, x, y)))
+                .collect()
+        };
+        self.computed(
+            (first.content_hash, how),
+            (&first.file, [width, height]),
+            texels,
+        )
+    }
+
+    /// Returns a derived image by its key, computing its texels unless it was derived before.
+    fn computed(
+        &mut self,
+        key: ([u8; 32], String),
+        (file, [width, height]): (&Path, [u32; 2]),
+        texels: impl FnOnce() -> Vec<[f32; 4]>,
+    ) -> Result<Arc<TextureDesc>, String> {
         if let Some(known) = self.derived.get(&key) {
             return Ok(known.clone());
         }
-        self.derived_bytes += 16 * u64::from(from.width) * u64::from(from.height);
+        self.derived_bytes += 16 * u64::from(width) * u64::from(height);
         if self.derived_bytes
             > self
                 .read_bytes
@@ -126,18 +184,11 @@ impl ImageCache {
                 self.derived_bytes >> 20
             ));
         }
-        let texels = match &from.texels {
-            Texels::Rgba8(t) => t
-                .iter()
-                .map(|p| f(p.map(|c| f32::from(c) / 255.0)))
-                .collect(),
-            Texels::RgbaF32(t) => t.iter().map(|p| f(*p)).collect(),
-        };
         let texture = Arc::new(TextureDesc::new(
-            &from.file,
-            from.width,
-            from.height,
-            Texels::RgbaF32(texels),
+            file,
+            width,
+            height,
+            Texels::RgbaF32(texels()),
         ));
         self.derived.insert(key, texture.clone());
         Ok(texture)
@@ -210,7 +261,7 @@ pub(super) fn decode(
             path,
             "image",
             format!(
-                "{problem} (supported: PNG, JPEG, BMP, TGA, HDR and EXR files of at most \
+                "{problem} (supported: PNG, JPEG, BMP, TGA, WebP, HDR and EXR files of at most \
              {MAX_TEXTURE_SIDE} pixels per side)"
             ),
         )

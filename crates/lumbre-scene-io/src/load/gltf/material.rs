@@ -1,6 +1,7 @@
 //! glTF materials: metallic-roughness, with the extensions that have a parameter in the Disney
 //! model.
 
+mod rewritten;
 mod thin;
 
 use std::collections::BTreeMap;
@@ -9,6 +10,7 @@ use std::sync::Arc;
 use glam::{Affine2, Vec2, Vec3};
 use serde_json::Value as Json;
 
+use self::rewritten::{SPECULAR_GLOSSINESS, UNLIT};
 use super::document::Document;
 use super::shown;
 use crate::load::images::ImageCache;
@@ -30,6 +32,8 @@ const SUPPORTED_EXTENSIONS: &[&str] = &[
     "KHR_materials_sheen",
     "KHR_materials_specular",
     "KHR_materials_anisotropy",
+    UNLIT,
+    SPECULAR_GLOSSINESS,
 ];
 
 /// A material, and the texture coordinate sets that it needs.
@@ -99,7 +103,7 @@ impl<'a> MaterialReader<'a> {
         name: String,
         names: &mut UniqueNames,
     ) -> Result<LoadedMaterial, SceneError> {
-        let m = self.document.at("materials", i).clone();
+        let m = rewritten::rewritten(self.document.at("materials", i));
         let place = format!("materials[{i}]");
         let mut loaded = LoadedMaterial {
             desc: MaterialDesc::new(&name),
@@ -139,6 +143,18 @@ impl<'a> MaterialReader<'a> {
             self.note(&place, format!("the extension `{name}` is not supported"));
         }
         self.textures(&place, &m, &mut loaded)?;
+        let d = &mut loaded.desc;
+        if m["extensions"][UNLIT].is_object() {
+            // Like an emissive texture it does not count as a light, and a studio is added.
+            d.emitter_reflects = false;
+            if d.texture(TextureSlot::Emission).is_none() {
+                d.set_texture(TextureSlot::Emission, Some(TextureDesc::grey(1.0).into()));
+            }
+            self.note(
+                &place,
+                "an unlit surface emits its base colour, so it lights other surfaces, too",
+            );
+        }
         let d = &loaded.desc;
         loaded.uv_sets.tangents = d.texture(TextureSlot::Normal).is_some() || d.anisotropic > 0.0;
         self.thin_walls(&place, &m, &mut loaded, names)?;
@@ -297,6 +313,7 @@ impl<'a> MaterialReader<'a> {
         d: &mut MaterialDesc,
     ) -> Result<(), SceneError> {
         let [base, rough, normal, emissive, transmission, through] = textures;
+        let [base, rough] = self.converted(place, m, [base, rough])?;
         self.set_mask(place, m, base.as_ref(), d)?;
         if let Some((image, lookup)) = base {
             d.set_mapped_texture(TextureSlot::BaseColor, image, lookup);
@@ -453,11 +470,15 @@ impl<'a> MaterialReader<'a> {
         };
         // Flipping v leaves every wrap mode unchanged.
         let wraps = [wrap("wrapS"), wrap("wrapT")];
-        if texture["source"].is_null() {
+        let webp = &texture["extensions"]["EXT_texture_webp"]["source"];
+        let source = [webp, &texture["source"]]
+            .into_iter()
+            .find(|s| !s.is_null());
+        let Some(source) = source else {
             return self.without_source(&place, &texture).map(|()| None);
-        }
+        };
         Ok(self
-            .image(&place, &texture["source"])?
+            .image(&place, source)?
             .map(|image| (image, wraps, filter)))
     }
 

@@ -244,10 +244,20 @@ impl GltfLoader<'_> {
         colors.iter().map(|c| clamped(c)).collect()
     }
 
-    /// Notes an attribute of a primitive that is not supported.
+    /// Notes attributes of a primitive that are not supported.
     fn note_unsupported(&mut self, place: &str, primitive: &Json) {
         if !primitive["attributes"]["COLOR_1"].is_null() {
             self.note(place, "second vertex colours are not supported");
+        }
+        let index = primitive["material"].as_u64().unwrap_or(u64::MAX);
+        let material = self.document.at("materials", index as usize);
+        if !primitive["attributes"]["COLOR_0"].is_null()
+            && material["extensions"]["KHR_materials_unlit"].is_object()
+        {
+            self.note(
+                place,
+                "vertex colours of an unlit material are not supported",
+            );
         }
     }
 }

@@ -41,6 +41,7 @@ const MAX_DEPTH: usize = 256;
 /// noted with their material.
 const EXTENSIONS: &[&str] = &[
     "EXT_mesh_gpu_instancing",
+    "EXT_texture_webp",
     "KHR_lights_punctual",
     "KHR_texture_transform",
     "KHR_mesh_quantization",

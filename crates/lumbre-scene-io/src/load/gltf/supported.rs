@@ -173,14 +173,28 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
         limits: "texture and rotation are noted",
     },
     SupportedElement {
+        name: "`KHR_materials_unlit`",
+        support: "a surface that emits its base colour and reflects nothing. Like an emissive texture \
+                  it does not count as a light, so a studio is added",
+        limits: "noted, since it lights other surfaces; vertex colours are noted",
+    },
+    SupportedElement {
+        name: "`KHR_materials_pbrSpecularGlossiness`",
+        support: "base colour, metallic and roughness by the conversion in Khronos' examples of the \
+                  extension, texel by texel: `diffuseFactor`, `diffuseTexture`, `specularFactor`, \
+                  `glossinessFactor`, `specularGlossinessTexture`",
+        limits: "textures that are mapped differently are converted with the mean of the other, \
+                 with a note",
+    },
+    SupportedElement {
         name: "`KHR_texture_transform`",
         support: "`offset`, `rotation`, `scale` and `texCoord` of every texture",
         limits: "a material whose first texture has scale 0 cannot have others mapped differently; \
                  noted",
     },
     SupportedElement {
-        name: "`textures`",
-        support: "`source`",
+        name: "`textures`, `EXT_texture_webp`",
+        support: "`source`, and the one of the extension first",
         limits: "images that only an extension gives, such as `KHR_texture_basisu`, are errors, or \
                  with `--lenient` notes",
     },
