@@ -15,6 +15,7 @@ mod export;
 mod export_pbrt;
 mod folder;
 mod gltf;
+mod gltf_compressed;
 mod gltf_defaults;
 mod gltf_instances;
 mod gltf_materials;

@@ -10,8 +10,8 @@ use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use base64::{Engine, alphabet};
 use serde_json::Value as Json;
 
-use crate::load::beside;
-use crate::load::{canonical, read_file};
+use super::meshopt;
+use crate::load::{beside, canonical, packed, read_file};
 use crate::uri;
 use lumbre_light::scene::SceneError;
 
@@ -49,6 +49,8 @@ pub(super) struct Document {
     /// JSON of the document.
     pub json: Json,
     buffers: Vec<Rc<Vec<u8>>>,
+    /// Contents of compressed buffer views.
+    unpacked: BTreeMap<usize, Vec<u8>>,
     /// Bytes of the file and of all buffers, each counted once.
     size: u64,
     /// Count of numbers read so far.
@@ -78,6 +80,7 @@ impl Document {
             path: path.to_owned(),
             json,
             buffers: Vec::new(),
+            unpacked: BTreeMap::new(),
             size,
             numbers_read: Cell::new(0),
             accessors: RefCell::default(),
@@ -99,6 +102,13 @@ impl Document {
                     bytes
                 }
                 (None, Some(chunk)) if i == 0 => Rc::new(chunk.to_vec()),
+                // Where a compressed buffer view would lie in a file without compression.
+                _ if meshopt::EXTENSIONS
+                    .iter()
+                    .any(|name| document.requires(name)) =>
+                {
+                    Rc::default()
+                }
                 _ => {
                     return Err(
                         document.error(&place, "the buffer has neither a `uri` nor a binary chunk")
@@ -108,7 +118,51 @@ impl Document {
             files.extend(file.map(|file| (file, bytes.clone())));
             document.buffers.push(bytes);
         }
+        let mut left = packed::budget(document.size as usize);
+        for i in 0..document.count("bufferViews") {
+            if let Some(bytes) = document.unpacked_view(i, &mut left)? {
+                document.unpacked.insert(i, bytes);
+            }
+        }
         Ok(document)
+    }
+
+    /// Returns whether the document requires an extension.
+    fn requires(&self, name: &str) -> bool {
+        let names = self.json["extensionsRequired"].as_array();
+        names.is_some_and(|names| names.iter().any(|n| n.as_str() == Some(name)))
+    }
+
+    /// Returns the contents of a buffer view if it is compressed. `left` is the number of bytes to
+    /// which views may still expand.
+    fn unpacked_view(&self, i: usize, left: &mut u64) -> Result<Option<Vec<u8>>, SceneError> {
+        let extensions = &self.at("bufferViews", i)["extensions"];
+        let Some(name) = meshopt::EXTENSIONS
+            .iter()
+            .find(|name| extensions[name].is_object())
+        else {
+            return Ok(None);
+        };
+        let (view, place) = (&extensions[name], format!("bufferViews[{i}].{name}"));
+        let [count, stride] = ["count", "byteStride"].map(|key| view[key].as_u64().unwrap_or(0));
+        let after = count
+            .checked_mul(stride)
+            .and_then(|bytes| left.checked_sub(bytes));
+        *left = after.ok_or_else(|| {
+            let problem = "the views up to here expand to more than the size of the file justifies";
+            self.error(&place, problem)
+        })?;
+        let [mode, filter] = ["mode", "filter"].map(|key| view[key].as_str());
+        let layout = [count as usize, stride as usize];
+        let data = self.slice(&place, view)?;
+        meshopt::decode(
+            data,
+            mode.unwrap_or("none"),
+            filter.unwrap_or("NONE"),
+            layout,
+        )
+        .map(Some)
+        .map_err(|problem| self.error(&place, problem))
     }
 
     /// Returns the number of bytes of the file and of its buffers, each counted once.
@@ -184,23 +238,29 @@ impl Document {
     pub fn view(&self, place: &str, index: &Json) -> Result<(&[u8], Option<usize>), SceneError> {
         let (i, view) = self.resolve(place, "bufferViews", index)?;
         let place = format!("bufferViews[{i}]");
-        let (b, _) = self.resolve(&place, "buffers", &view["buffer"])?;
+        let stride = view["byteStride"].as_u64().map(|s| s as usize);
+        match self.unpacked.get(&i) {
+            Some(bytes) => Ok((bytes, stride)),
+            None => Ok((self.slice(&place, view)?, stride)),
+        }
+    }
+
+    /// Returns the part of a buffer that an object with its index, `byteOffset` and `byteLength`
+    /// names.
+    fn slice(&self, place: &str, view: &Json) -> Result<&[u8], SceneError> {
+        let (b, _) = self.resolve(place, "buffers", &view["buffer"])?;
         let number = |key: &str| view[key].as_u64().unwrap_or(0) as usize;
         let (start, length) = (number("byteOffset"), number("byteLength"));
         let bytes = start
             .checked_add(length)
             .and_then(|end| self.buffers[b].get(start..end));
-        let stride = view["byteStride"].as_u64().map(|s| s as usize);
-        match bytes {
-            Some(bytes) => Ok((bytes, stride)),
-            None => Err(self.error(
-                &place,
-                format!(
-                    "bytes {start} to {start}+{length} exceed the buffer of {} bytes",
-                    self.buffers[b].len()
-                ),
-            )),
-        }
+        bytes.ok_or_else(|| {
+            let problem = format!(
+                "bytes {start} to {start}+{length} exceed the buffer of {} bytes",
+                self.buffers[b].len()
+            );
+            self.error(place, problem)
+        })
     }
 
     /// Adds to the count of numbers read from the document.
@@ -300,8 +360,12 @@ impl Document {
             1,
             false,
         )?;
-        let mut values = sparse["values"].clone();
-        values["componentType"] = accessor["componentType"].clone();
+        let values = &sparse["values"];
+        let values = serde_json::json!({
+            "bufferView": values["bufferView"],
+            "byteOffset": values["byteOffset"],
+            "componentType": accessor["componentType"],
+        });
         let values = self.packed_numbers(
             place,
             &values,

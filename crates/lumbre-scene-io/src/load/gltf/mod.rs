@@ -12,6 +12,7 @@ mod document;
 mod entity;
 mod material;
 mod mesh;
+mod meshopt;
 mod supported;
 
 pub(super) use self::supported::SUPPORTED;
@@ -42,6 +43,8 @@ const MAX_DEPTH: usize = 256;
 const EXTENSIONS: &[&str] = &[
     "EXT_mesh_gpu_instancing",
     "EXT_texture_webp",
+    meshopt::EXTENSIONS[0],
+    meshopt::EXTENSIONS[1],
     "KHR_lights_punctual",
     "KHR_texture_transform",
     "KHR_mesh_quantization",

@@ -75,6 +75,11 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
         limits: "displacements of other attributes are noted",
     },
     SupportedElement {
+        name: "`EXT_meshopt_compression`, `KHR_meshopt_compression`",
+        support: "buffer views in all modes, versions and filters",
+        limits: "",
+    },
+    SupportedElement {
         name: "`KHR_draco_mesh_compression`",
         support: "",
         limits: "refused",
