@@ -1,5 +1,5 @@
-//! Compressed glTF: buffer views by meshoptimizer. The data were written by the reference encoder,
-//! meshoptimizer 1.3.
+//! Compressed glTF: buffer views by meshoptimizer, and meshes by Draco. The data were written by the
+//! reference encoders, meshoptimizer 1.3 and Draco 1.5.
 
 use glam::{DQuat, DVec3, Vec3};
 use lumbre_light::scene::desc::SceneDesc;
@@ -37,6 +37,12 @@ const COLORS: &str =
 /// Rotations by i * 22.5 degrees about z, by the filter `QUATERNION`.
 const ROTATIONS: &str =
     "oaWVAPABAduXFp8A8AH+NT1DRQAeAKAVmN4AHgBGRD7HABAAAQAAAAAAAAAAAAAAAAAAAAAAAAAA/38AAA==";
+/// The grid with texture coordinates (x / 2, y / 2), by Draco: sequential, and by Edgebreaker.
+const DRACO: [&str; 2] = [
+    "RFJBQ08CAgEAAAAICQEAAQMBBAMBAgQCBQQDBAYEBwYEBQcFCAcBAwAJAwAAAwkCAAEEAgQAAgICAQABAQAPAx0HL+U4AwTghfj/AQAAwP8HAAAAAeD/BwD+fwAAAPL/AQAASADw//+//x8AAAD9fwAAAAQAAAAA/z8AAAABAQANAx0HJ+U4AwTghfw/APg/AAjA//8/APg/AAiA//8/APg/AAAAAAAA/w8AAAABAQACAwFAAQAQERERAQAAAAABAAAAAAAAAAAAAAAAAAAAAAAAQA4AAAAAAAAAAAAAgD8M",
+    "RFJBQ08CAgEBAAAACQgCCAEAA+/TGv8BEf8CiED/AohAA/8AAAAAAAEAAAEACQMAAAIBAwkCAAECAQQCBAACAQEBAQAPAx0HJ1UVOQ5ZFQWaz/lLgP///w8A/f/+//8DAPT/AAAABMD/AwAA4P8BAAAAgAAAAP8PAAAAAAQAAAAA/z8AAAAAAAAAAAAAAAAAAAAAAEAOBQEBAA0DOQ4PHQcdBzkOHQcHPQ4FERO8zpb/////7/9AL1+AHgBg8zsCBwAAACUD9QWBAAAAAP8PAAAAAAAAAAAAAAAAgD8MAQEBAQIC5TgdBwVv0xfQgAAAAAABAAAA",
+];
+
 /// Returns the corners of the triangles of a mesh, sorted.
 fn triangles(desc: &SceneDesc) -> Vec<[[i32; 3]; 3]> {
     let mesh = mesh_of(desc, 0);
@@ -203,5 +209,87 @@ fn damaged_buffer_views_are_errors_with_their_place() {
         folder.write("a.gltf", text.replacen(from, to, 1));
         let e = load(&folder, &[]).unwrap_err().to_string();
         assert!(e.contains(expected) && e.contains("a.gltf"), "{to}: {e}");
+    }
+}
+
+/// Returns a document of the grid, compressed by Draco.
+fn draco(data: &str) -> Folder {
+    let length = data.len() / 4 * 3 - data.matches('=').count();
+    let text = format!(
+        r#"{{ "asset": {{ "version": "2.0" }}, "extensionsRequired": ["KHR_draco_mesh_compression"], "nodes": [ {{ "mesh": 0 }} ],
+"materials": [ {{ "pbrMetallicRoughness": {{ "baseColorTexture": {{ "index": 0 }} }} }} ],
+"textures": [ {{ "source": 0 }} ], "images": [ {{ "uri": "t.png" }} ],
+"meshes": [ {{ "primitives": [ {{ "material": 0, "attributes": {{ "POSITION": 0, "TEXCOORD_0": 1, "COLOR_0": 2 }}, "indices": 3,
+  "extensions": {{ "KHR_draco_mesh_compression": {{ "bufferView": 0, "attributes": {{ "POSITION": 0, "TEXCOORD_0": 1, "COLOR_0": 2 }} }} }} }} ] }} ],
+"accessors": [ {{ "componentType": 5126, "count": 9, "type": "VEC3" }}, {{ "componentType": 5126, "count": 9, "type": "VEC2" }},
+  {{ "componentType": 5121, "count": 9, "type": "VEC4", "normalized": true }}, {{ "componentType": 5123, "count": 24, "type": "SCALAR" }} ],
+"bufferViews": [ {{ "buffer": 0, "byteLength": {length} }} ], "buffers": [ {{ "uri": "data:;base64,{data}", "byteLength": {length} }} ] }}"#
+    );
+    let folder = Folder::new(&[("a.gltf", text)]);
+    image::RgbImage::new(1, 1)
+        .save(folder.path("t.png"))
+        .unwrap();
+    folder
+}
+
+#[test]
+fn meshes_by_draco_are_decoded() {
+    for data in DRACO {
+        let desc = load(&draco(data), &[]).unwrap().0;
+        assert_eq!(triangles(&desc), expected());
+        let mesh = mesh_of(&desc, 0);
+        for (p, uv) in mesh.positions.iter().zip(&mesh.uvs) {
+            // Texture coordinates have 12 bits, and start at the bottom here.
+            assert!(
+                (uv.x - p.x / 2.0).abs() + (1.0 - uv.y - p.y / 2.0).abs() < 1e-3,
+                "{p} {uv}"
+            );
+        }
+        // Vertices of odd indices have a red of 1 of 255.
+        for (p, color) in mesh.positions.iter().zip(&mesh.colors) {
+            let red = (p.x + p.y).round() % 2.0 / 255.0;
+            assert!((color.x - red).abs() < 1e-6, "{p}: {color}");
+        }
+    }
+}
+
+#[test]
+fn damaged_meshes_by_draco_are_errors_with_their_place() {
+    let folder = draco(DRACO[1]);
+    let text = std::fs::read_to_string(folder.path("a.gltf")).unwrap();
+    let place = "meshes[0].primitives[0].KHR_draco_mesh_compression";
+    for (from, to, expected) in [
+        (
+            r#""attributes": { "POSITION": 0, "TEXCOORD_0": 1, "COLOR_0": 2 } }"#,
+            r#""attributes": { "POSITION": 7 } }"#,
+            "has no attribute 7",
+        ),
+        (
+            r#""bufferView": 0"#,
+            r#""bufferView": 1"#,
+            "expected an index below 1",
+        ),
+        (
+            r#""byteLength": 246 } ], "buffers""#,
+            r#""byteLength": 146 } ], "buffers""#,
+            "Draco: ",
+        ),
+        ("data:;base64,RFJBQ", "data:;base64,RFJBR", "Draco"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        folder.write("a.gltf", text.replacen(from, to, 1));
+        let e = load(&folder, &[]).unwrap_err().to_string();
+        assert!(e.contains(expected) && e.contains(place), "{to}: {e}");
+    }
+    // No damage is a panic, and no number of a header is memory.
+    let start = text.find("base64,").unwrap() + 7;
+    for i in 0..DRACO[1].len() {
+        for to in ["A", "/", "9"] {
+            let mut bad = text.clone();
+            bad.replace_range(start + i..=start + i, to);
+            folder.write("a.gltf", bad);
+            let (_, most) = super::meter::peak(|| load(&folder, &[]).is_ok());
+            assert!(most < 384 << 20, "{i}: {most} bytes");
+        }
     }
 }

@@ -290,11 +290,7 @@ impl Document {
     pub fn numbers(&self, place: &str, index: &Json, n: usize) -> Result<Rc<Vec<f64>>, SceneError> {
         let (i, accessor) = self.resolve(place, "accessors", index)?;
         let place = format!("accessors[{i}]");
-        let width = TYPES
-            .iter()
-            .find(|t| Some(t.0) == accessor["type"].as_str())
-            .map(|t| t.1);
-        if width != Some(n) {
+        if Document::width(accessor) != Some(n) {
             return Err(self.error(
                 &place,
                 format!(
@@ -332,12 +328,32 @@ impl Document {
         if !sparse.is_null() {
             self.replace_sparse(&place, accessor, n, &mut out)?;
         }
-        if !out.iter().all(|x| x.is_finite()) {
-            return Err(self.error(&place, "the numbers must be finite"));
+        self.store(i, out)
+    }
+
+    /// Returns the count of numbers per element of an accessor.
+    pub fn width(accessor: &Json) -> Option<usize> {
+        let ty = accessor["type"].as_str();
+        TYPES.iter().find(|t| Some(t.0) == ty).map(|t| t.1)
+    }
+
+    /// Stores the numbers of an accessor, which must be finite.
+    pub fn store(&self, i: usize, numbers: Vec<f64>) -> Result<Rc<Vec<f64>>, SceneError> {
+        if !numbers.iter().all(|x| x.is_finite()) {
+            return Err(self.error(&format!("accessors[{i}]"), "the numbers must be finite"));
         }
-        let out = Rc::new(out);
-        self.accessors.borrow_mut().insert(i, out.clone());
-        Ok(out)
+        let numbers = Rc::new(numbers);
+        self.accessors.borrow_mut().insert(i, numbers.clone());
+        Ok(numbers)
+    }
+
+    /// Returns the greatest integer of a normalised accessor, which stands for 1.
+    pub fn greatest(accessor: &Json) -> Option<f64> {
+        let code = accessor["componentType"].as_u64();
+        let component = COMPONENTS.iter().find(|c| Some(c.0) == code);
+        component
+            .map(|c| c.2)
+            .filter(|_| accessor["normalized"].as_bool() == Some(true))
     }
 
     /// Replaces elements of `out` by the sparse elements of an accessor.

@@ -9,7 +9,7 @@ use serde_json::Value as Json;
 use super::deform::{Deformation, Vertices};
 use super::document::{Document, select};
 use super::material::UvSets;
-use super::{GltfLoader, list};
+use super::{GltfLoader, draco, list};
 use lumbre_light::scene::SceneError;
 use lumbre_light::scene::desc::{MeshDesc, mesh_hash};
 use lumbre_light::scene::shape::Shape;
@@ -159,9 +159,12 @@ impl GltfLoader<'_> {
             self.note(place, "points and lines are not supported and are left out");
             return Ok(None);
         }
-        if primitive["extensions"]["KHR_draco_mesh_compression"].is_object() {
-            return Err(document.error(place, "Draco mesh compression is not supported"));
-        }
+        // Compressed triangles are a list, whatever they were.
+        let mode = if draco::unpack(document, place, primitive)? {
+            4
+        } else {
+            mode
+        };
         self.note_unsupported(place, primitive);
         let (slot, uv_sets) = match &primitive["material"] {
             Json::Null => (self.default_material(), UvSets::default()),

@@ -1,14 +1,16 @@
 //! glTF 2.0: `.gltf` with external or embedded buffers and images, and `.glb`.
 //!
-//! Supported are nodes with their transforms, meshes shared between them, the first perspective
-//! camera of the default scene, point, spot and directional lights (`KHR_lights_punctual`), and
-//! materials ([`material`]). Intensities are used as radiometric values, without photometric
-//! factors. Texture coordinates start at the top left in the file and at the bottom left here.
-//! Triangles without normals are flat, as the format specifies. Surfaces are two-sided whatever `doubleSided` says.
+//! Supported are nodes with their transforms, meshes shared between them, animations, skins, morph
+//! targets and instances, compressed data, the first perspective camera of the default scene, point,
+//! spot and directional lights (`KHR_lights_punctual`), and materials ([`material`]). Intensities are
+//! used as radiometric values, without photometric factors. Texture coordinates start at the top left
+//! in the file and at the bottom left here. Triangles without normals are flat, as the format
+//! specifies. Surfaces are two-sided whatever `doubleSided` says.
 
 mod animation;
 mod deform;
 mod document;
+mod draco;
 mod entity;
 mod material;
 mod mesh;
@@ -38,8 +40,7 @@ use lumbre_light::scene::{Note, SceneError};
 
 /// Greatest nesting depth of nodes.
 const MAX_DEPTH: usize = 256;
-/// Extensions that are supported, or refused where they occur. Unsupported material extensions are
-/// noted with their material.
+/// Extensions that are supported. Unsupported material extensions are noted with their material.
 const EXTENSIONS: &[&str] = &[
     "EXT_mesh_gpu_instancing",
     "EXT_texture_webp",
