@@ -4,7 +4,7 @@
 use glam::{DQuat, DVec3, Vec3};
 use lumbre_light::scene::desc::SceneDesc;
 
-use super::gltf_motion::{assert_near, load};
+use super::gltf_motion::load;
 use super::{Folder, mesh_of};
 
 /// Positions of a grid of 3 x 3 vertices at (x, y, x y / 4), in version 0, version 1, and by the

@@ -17,15 +17,17 @@ fn a_forecast_runs_down_while_nothing_else_happens() {
     night.render(CellRef::Cell(0), 2);
     let (mut model, now_s) = night.model();
     let forecast = Forecast {
-        seconds: 60.0,
+        seconds: 600.0,
         known: 4,
         ..Forecast::default()
     };
     model.receive(&Event::Forecast(forecast), now_s);
     let left = |after_s: f64| model.night_eta(now_s + after_s).unwrap().seconds;
-    assert_eq!([left(0.0), left(25.0)], [60.0, 35.0]);
-    // A forecast whose time has passed was wrong.
-    assert_eq!(model.night_eta(now_s + 70.0), None);
+    assert_eq!([left(0.0), left(25.0)], [600.0, 575.0]);
+    // At least what the current run needs, and nothing by a forecast whose time has passed.
+    let run = model.cell_eta(now_s + 550.0).unwrap().seconds;
+    assert!(left(550.0) >= run, "{} {run}", left(550.0));
+    assert_eq!(model.night_eta(now_s + 700.0), None);
 }
 
 #[test]
