@@ -143,8 +143,9 @@ fn verbs_and_figures_show_a_night_as_before() {
     ] {
         let name = file.rsplit('/').next().unwrap();
         let text = place.read(&format!("out/latest/{file}"));
-        // A figure names the program that drew it.
-        let lines = text.lines().filter(|line| !line.starts_with("<desc>"));
+        // A figure and a table name the program that made them.
+        let names_program = |line: &str| line.starts_with("<desc>") || line.starts_with("lumbre ");
+        let lines = text.lines().filter(|line| !names_program(line));
         assert_frozen(
             name,
             &lines.map(|line| format!("{line}\n")).collect::<String>(),
