@@ -275,7 +275,6 @@ struct JobParams {
     uint candidates; // Number of vertices that are drawn for each connection.
     uvec2 candidate_step; // Low and high word of 2^64 divided by that number, rounded down; 0 if it is 1.
     uvec2 seed; // Low and high word of the seed.
-    float least_extent; // Least extent of primitives: see `offset_origin`.
     uint triangle_count; // Number of triangles: primitive indices from here on are spheres.
     uint sphere_count; // Number of spheres.
     uint has_tangents; // 1 if `tangents` has a row for every triangle, else 0.

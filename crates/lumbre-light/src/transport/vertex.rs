@@ -3,9 +3,8 @@
 
 use glam::Vec3;
 
-use super::ray::{NEAR_ORIGIN, offset_origin};
+use super::ray::offset_origin;
 use crate::math::real::{Real, Vector};
-use crate::scene::CompiledScene;
 
 /// Returns the factor from a density per solid angle at `from` to one per area at `to`, where the
 /// unit normal is `n_to`: `|cos| / distance^2` [Veach 1997, 8.2.2.2]. Zero if the points coincide.
@@ -76,14 +75,6 @@ pub fn greatest_coordinate<V: Vector>(points: &[V]) -> V::Scalar {
         greatest = greatest.max(p.x().abs()).max(p.y().abs()).max(p.z().abs());
     }
     greatest
-}
-
-/// Returns the least extent that primitives of a scene have for [`offset_origin`], in scene units:
-/// the scene's greatest absolute coordinate, so that small primitives in a scene of usual size keep
-/// the fixed step near the origin.
-#[inline(always)]
-pub fn least_extent(scene: &CompiledScene) -> f32 {
-    greatest_coordinate(&scene.bounds).min(NEAR_ORIGIN)
 }
 
 /// Returns the normal flipped to the side of `dir`.

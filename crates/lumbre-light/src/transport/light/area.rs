@@ -13,7 +13,7 @@ use crate::math::warp;
 use crate::scene::CompiledScene;
 use crate::scene::compile::{Emitter, Material, NONE, Sphere, Uv};
 use crate::transport::surface::{coverage, lookup, sphere_uv};
-use crate::transport::vertex::{greatest_coordinate, least_extent};
+use crate::transport::vertex::greatest_coordinate;
 
 /// Flag of textured triangles; its sum with [`SPHERE`] is that of textured spheres.
 const TEXTURED: f32 = 1.0;
@@ -57,8 +57,6 @@ impl LightSource for Emitter {
                 (first, [0.0, self.area], [SPHERE + textured, extent], bounds)
             }
         };
-        let [flags, extent] = end;
-        let end = [flags, extent.max(least_extent(scene))];
         LightFacts {
             rows: light_rows(first, start, m.emission, end),
             power: power(scene, self, m, sphere.is_some(), &context.brightness),
