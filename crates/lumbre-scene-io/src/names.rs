@@ -1,6 +1,15 @@
-//! Allocation of unique names.
+//! Allocation of unique names, and names in messages.
 
 use std::collections::{BTreeMap, BTreeSet};
+
+/// Returns the beginning of a text, for messages.
+pub fn truncated(text: &str) -> String {
+    let mut out: String = text.chars().take(32).collect();
+    if out.len() < text.len() {
+        out.push_str("...");
+    }
+    out
+}
 
 /// Allocator of unique names: the names in use and the next number for each stem.
 #[derive(Debug, Default)]

@@ -72,6 +72,18 @@ pub fn load(
     load_on_stage(&file, MissingTextures::Fail, Some(Stage::Bare), &options)
 }
 
+/// Panics unless each edit of `a.gltf`, one text for another once, makes its loading fail with an
+/// expected message and the place of all of them.
+pub fn assert_refused(folder: &Folder, place: &str, edits: &[(&str, &str, &str)]) {
+    let text = std::fs::read_to_string(folder.path("a.gltf")).unwrap();
+    for (from, to, expected) in edits {
+        assert!(text.contains(from), "{from}");
+        folder.write("a.gltf", text.replacen(from, to, 1));
+        let e = load(folder, &[]).unwrap_err().to_string();
+        assert!(e.contains(expected) && e.contains(place), "{to}: {e}");
+    }
+}
+
 fn at_time(folder: &Folder, time: &str) -> SceneDesc {
     load(folder, &[("time", time)]).unwrap().0
 }

@@ -1,10 +1,11 @@
 //! Files that a scene names: as written, or where the same file lies on this machine.
 
 use std::cell::RefCell;
+use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-use super::files;
+use super::files::exists;
 use lumbre_light::scene::Note;
 
 /// Greatest number of last parts of an absolute path that are searched.
@@ -12,7 +13,7 @@ const MAX_PARTS: usize = 8;
 
 thread_local! {
     /// Notes on files that were found elsewhere than written.
-    static ELSEWHERE: RefCell<Vec<Note>> = const { RefCell::new(Vec::new()) };
+    static ELSEWHERE: RefCell<BTreeSet<Note>> = const { RefCell::new(BTreeSet::new()) };
 }
 
 /// Returns the path of a file that a file in `folder` names; `/` and `\` separate folders.
@@ -21,11 +22,11 @@ thread_local! {
 /// wrote, by its last parts below the folder, as many as lead to a file. What is found so is noted:
 /// see [`notes`]. Otherwise the path is the one that is written.
 pub fn beside(folder: &Path, name: &str) -> PathBuf {
-    let name = name.replace('\\', "/");
-    let written = folder.join(&name);
+    let written = written(folder, name);
     if exists(&written) {
         return written;
     }
+    let name = name.replace('\\', "/");
     let parts: Vec<&str> = name
         .split('/')
         .filter(|part| !matches!(*part, "" | "."))
@@ -41,20 +42,22 @@ pub fn beside(folder: &Path, name: &str) -> PathBuf {
     match tails.find_map(|parts| in_any_case(folder, parts)) {
         Some(found) => {
             let message = format!("there is no file `{name}`; `{}` is used", found.display());
-            ELSEWHERE.with_borrow_mut(|notes| notes.push(Note::new(folder, "files", message)));
+            let note = Note::new(folder, "files", message);
+            ELSEWHERE.with_borrow_mut(|notes| notes.insert(note));
             found
         }
         None => written,
     }
 }
 
-/// Returns the notes on files that were found elsewhere since the last call.
-pub fn notes() -> Vec<Note> {
-    ELSEWHERE.take()
+/// Returns the path that a file in `folder` writes as `name`.
+pub fn written(folder: &Path, name: &str) -> PathBuf {
+    folder.join(name.replace('\\', "/"))
 }
 
-fn exists(path: &Path) -> bool {
-    files::check(path).is_ok() && path.is_file()
+/// Returns the notes on files that were found elsewhere since the last call, each once.
+pub fn notes() -> BTreeSet<Note> {
+    ELSEWHERE.take()
 }
 
 /// Returns the file below a folder whose path has these parts in any case.
@@ -99,8 +102,9 @@ mod tests {
         std::fs::write(folder.join("lamp.obj"), "").unwrap();
         let oak = folder.join("Textures/wood/Oak.PNG");
         let found = |name: &str| {
-            let path = beside(&folder, name);
-            (path, notes().len())
+            // Twice, as two maps of a material name one image.
+            beside(&folder, name);
+            (beside(&folder, name), notes().len())
         };
         for name in [
             "textures/WOOD/oak.png",

@@ -35,6 +35,11 @@ pub fn check(file: &Path) -> Result<(), String> {
     }
 }
 
+/// Returns whether there is a file that may be read.
+pub fn exists(file: &Path) -> bool {
+    check(file).is_ok() && file.is_file()
+}
+
 /// Checks that a file is inside a folder whose path is canonical.
 fn is_inside(file: &Path, folder: &Path) -> Result<(), String> {
     let outside = || {

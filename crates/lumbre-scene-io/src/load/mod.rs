@@ -164,9 +164,9 @@ fn load_any(
     let inside = path.join(folder::SCENE_FILE);
     let file = if is_folder(path) { &inside } else { path };
     let format = format_of(file)?;
-    let (desc, notes) = match (variables.keys().next(), format.load_with_variables) {
-        (None, _) => (format.load)(file, missing)?,
-        (Some(_), Some(load)) => load(file, missing, variables)?,
+    let read = match (variables.keys().next(), format.load_with_variables) {
+        (None, _) => (format.load)(file, missing),
+        (Some(_), Some(load)) => load(file, missing, variables),
         (Some(unknown), None) => {
             return Err(SceneError::malformed(
                 path,
@@ -177,8 +177,10 @@ fn load_any(
             ));
         }
     };
-    let mut notes = notes;
-    notes.extend(beside::notes());
+    // Those of a file that cannot be read are not of the next one.
+    let found_elsewhere = beside::notes();
+    let (desc, mut notes) = read?;
+    notes.extend(found_elsewhere);
     Ok((format, desc, note::summed_up(notes)))
 }
 
@@ -271,6 +273,30 @@ mod tests {
                 assert_eq!(*e, e.to_ascii_lowercase());
             }
         }
+    }
+
+    #[test]
+    fn notes_on_files_found_elsewhere_are_of_the_scene_that_names_them() {
+        let dir = tempfile::tempdir().unwrap();
+        let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
+        let mesh = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+        write("A.mtl", "newmtl m\nKd 1 0 0\n");
+        write("cased.obj", &format!("mtllib a.mtl\nusemtl m\n{mesh}"));
+        write(
+            "damaged.obj",
+            &format!("mtllib a.mtl\nusemtl m\n{mesh}f 1 2 9\n"),
+        );
+        write("plain.obj", mesh);
+        let elsewhere = |name: &str| {
+            let (_, notes) = load(&dir.path().join(name)).unwrap();
+            notes
+                .iter()
+                .filter(|n| n.message.contains("is used"))
+                .count()
+        };
+        assert_eq!(elsewhere("cased.obj"), 1);
+        assert!(load(&dir.path().join("damaged.obj")).is_err());
+        assert_eq!(elsewhere("plain.obj"), 0);
     }
 
     #[test]

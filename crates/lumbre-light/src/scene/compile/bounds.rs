@@ -17,7 +17,7 @@ const FAR: f64 = 8.0;
 /// The point is a multiple of a power of two about as large as the scene, so that it is subtracted
 /// from single-precision coordinates without rounding.
 pub(super) fn origin(desc: &SceneDesc) -> DVec3 {
-    let mut boxes: BTreeMap<*const _, [DVec3; 2]> = BTreeMap::new();
+    let mut boxes: BTreeMap<*const _, [Vec3; 2]> = BTreeMap::new();
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for entity in &desc.entities {
         let to_world = entity.transform.to_world();
@@ -28,17 +28,11 @@ pub(super) fn origin(desc: &SceneDesc) -> DVec3 {
                 high = high.max(to_world.translation + radius);
             }
             ShapeDesc::Mesh(mesh) => {
-                let own = boxes.entry(Arc::as_ptr(mesh)).or_insert_with(|| {
-                    let start = [Vec3::INFINITY, Vec3::NEG_INFINITY];
-                    let points = mesh.positions.iter();
-                    points
-                        .fold(start, |[low, high], p| [low.min(*p), high.max(*p)])
-                        .map(|corner| corner.as_dvec3())
-                });
-                for i in 0..8 {
-                    let pick = |bit: usize| own[usize::from(i & bit != 0)];
-                    let corner = DVec3::new(pick(1).x, pick(2).y, pick(4).z);
-                    let corner = to_world.transform_point3(corner);
+                let own = boxes
+                    .entry(Arc::as_ptr(mesh))
+                    .or_insert_with(|| box_of(&mesh.positions));
+                for corner in box_corners(*own) {
+                    let corner = to_world.transform_point3(corner.as_dvec3());
                     (low, high) = (low.min(corner), high.max(corner));
                 }
             }
@@ -52,6 +46,19 @@ pub(super) fn origin(desc: &SceneDesc) -> DVec3 {
     }
     let step = size.log2().floor().exp2();
     ((low + (high - low) * 0.5) / step).round() * step
+}
+
+/// Returns the bounding box of points.
+pub(super) fn box_of<'a>(points: impl IntoIterator<Item = &'a Vec3>) -> [Vec3; 2] {
+    let start = [Vec3::INFINITY, Vec3::NEG_INFINITY];
+    let points = points.into_iter();
+    points.fold(start, |[low, high], p| [low.min(*p), high.max(*p)])
+}
+
+/// Returns the corners of a box.
+pub(super) fn box_corners([low, high]: [Vec3; 2]) -> [Vec3; 8] {
+    let pick = |i: usize, bit: usize| if i & bit == 0 { low } else { high };
+    std::array::from_fn(|i| Vec3::new(pick(i, 1).x, pick(i, 2).y, pick(i, 4).z))
 }
 
 /// Corners of the bounding box of a mesh, transformed to the world by an instance.
@@ -105,17 +112,11 @@ fn instances(scene: &CompiledScene) -> Vec<(&Instance, TransformedBox)> {
         .iter()
         .map(|mesh| {
             let rows = mesh.triangles.start as usize..mesh.triangles.end as usize;
-            let start = [Vec3::INFINITY, Vec3::NEG_INFINITY];
-            scene.triangles[rows]
-                .iter()
-                .flatten()
-                .fold(start, |[low, high], p| [low.min(*p), high.max(*p)])
+            box_of(scene.triangles[rows].iter().flatten())
         })
         .collect();
     let transformed_box = |instance: &Instance| {
-        let [low, high] = boxes[instance.mesh as usize];
-        let pick = |i: usize, bit: usize| if i & bit == 0 { low } else { high };
-        std::array::from_fn(|i| instance.point(Vec3::new(pick(i, 1).x, pick(i, 2).y, pick(i, 4).z)))
+        box_corners(boxes[instance.mesh as usize]).map(|corner| instance.point(corner))
     };
     scene
         .instances

@@ -257,7 +257,8 @@ fn add_sphere(
         let frame = entity.transform.frame;
         frame.transform_point3(entity.transform.translate)
     } else {
-        (entity.transform.to_world().translation - scene.origin).as_vec3()
+        let placed = scene.placed_map(entity.transform.to_world());
+        placed.translation.as_vec3()
     };
     let radius = radius * scale;
     if !(radius > 0.0 && radius <= MAX_COORDINATE) {

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use glam::{DMat3, DVec3, Mat3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
+use super::bounds::{box_corners, box_of};
 use super::corners::cofactor;
 use super::instance::{Instance, SharedMesh};
 use super::mesh::{
@@ -93,31 +94,18 @@ fn can_share(entity: &MeshEntity, key: &SharingKey) -> bool {
         && orthogonal(y, z)
         && orthogonal(z, x);
     let invertible = linear.determinant().abs() * ratio >= greatest.powi(3);
-    let [near, far] = extent(&entity.mesh.positions);
+    let [near, far] = box_of(&entity.mesh.positions);
     let size = (far - near).max_element();
     let near_origin = near.abs().max(far.abs()).max_element() <= MAX_OFFSET * size;
-    let corner = |i: usize| {
-        Vec3::from_array([0, 1, 2].map(|axis| {
-            if i >> axis & 1 == 0 {
-                near[axis]
-            } else {
-                far[axis]
-            }
-        }))
-    };
-    let corner_in_range = |i| {
-        in_range(
-            entity
-                .to_world
-                .transform_point3(corner(i).as_dvec3())
-                .as_vec3(),
-        )
+    let is_in_range = |corner: Vec3| {
+        let world = entity.to_world.transform_point3(corner.as_dvec3());
+        in_range(world.as_vec3())
     };
     least >= low
         && greatest <= high
         && invertible
         && near_origin
-        && (0..8).all(corner_in_range)
+        && box_corners([near, far]).into_iter().all(is_in_range)
         // Tangents are averages, which a non-uniform scale would weight differently.
         && (uniform || !key.tangents)
         && (!key.emits.contains(&true) || emissive_areas(entity, key).all(|area| area > 0.0))
@@ -133,15 +121,6 @@ fn emissive_areas(entity: &MeshEntity, key: &SharingKey) -> impl Iterator<Item =
             area_and_front(&object)?;
             let world = object.map(|p| entity.to_world.transform_point3(p.as_dvec3()).as_vec3());
             Some(area_and_front(&world).map_or(0.0, |(area, _)| area))
-        })
-}
-
-/// Returns the bounding box of points.
-fn extent(points: &[Vec3]) -> [Vec3; 2] {
-    points
-        .iter()
-        .fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], p| {
-            [low.min(*p), high.max(*p)]
         })
 }
 

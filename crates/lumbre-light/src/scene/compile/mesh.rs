@@ -69,16 +69,12 @@ pub(super) fn mesh_entities<'a>(
                 .collect(),
         };
         let materials = with_own_direction(scene, materials, entity);
-        let to_world = entity.transform.to_world();
         entities.push(MeshEntity {
             index: index as u32,
             mesh,
             materials,
             place,
-            to_world: DAffine3 {
-                translation: to_world.translation - scene.origin,
-                ..to_world
-            },
+            to_world: scene.placed_map(entity.transform.to_world()),
         });
     }
     Ok(entities)

@@ -18,7 +18,7 @@ mod texels;
 mod texture;
 mod texture_bank;
 
-use glam::{DVec3, Vec2, Vec3, Vec4};
+use glam::{DAffine3, DVec3, Vec2, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
 pub use corners::cofactor;
@@ -299,6 +299,12 @@ impl CompiledScene {
     /// Returns a point of the description in the space of this scene.
     fn placed(&self, point: Vec3) -> Vec3 {
         (point.as_dvec3() - self.origin).as_vec3()
+    }
+
+    /// Returns a map to the space of the description as one to the space of this scene.
+    fn placed_map(&self, mut map: DAffine3) -> DAffine3 {
+        map.translation -= self.origin;
+        map
     }
 
     /// Returns a camera of the description as one of this scene: see [`compile_camera`].

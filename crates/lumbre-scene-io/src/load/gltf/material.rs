@@ -10,7 +10,8 @@ use std::sync::Arc;
 use glam::{Affine2, Vec2, Vec3};
 use serde_json::Value as Json;
 
-use self::rewritten::{SPECULAR_GLOSSINESS, UNLIT};
+use self::rewritten::SPECULAR_GLOSSINESS;
+pub(super) use self::rewritten::UNLIT;
 use super::document::Document;
 use super::shown;
 use crate::load::images::ImageCache;

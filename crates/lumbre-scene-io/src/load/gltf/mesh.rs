@@ -8,7 +8,7 @@ use serde_json::Value as Json;
 
 use super::deform::{Deformation, Vertices};
 use super::document::{Document, select};
-use super::material::UvSets;
+use super::material::{UNLIT, UvSets};
 use super::{GltfLoader, draco, list};
 use lumbre_light::scene::SceneError;
 use lumbre_light::scene::desc::{MeshDesc, mesh_hash};
@@ -255,7 +255,7 @@ impl GltfLoader<'_> {
         let index = primitive["material"].as_u64().unwrap_or(u64::MAX);
         let material = self.document.at("materials", index as usize);
         if !primitive["attributes"]["COLOR_0"].is_null()
-            && material["extensions"]["KHR_materials_unlit"].is_object()
+            && material["extensions"][UNLIT].is_object()
         {
             self.note(
                 place,

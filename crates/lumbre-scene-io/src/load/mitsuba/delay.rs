@@ -30,7 +30,7 @@ pub(super) fn read(
     name: &str,
     two_sided: bool,
 ) -> Result<Vec<MaterialDesc>, SceneError> {
-    let inside: Vec<Rc<XmlObject>> = o.children("bsdf").cloned().collect();
+    let inside = o.surfaces();
     if o.plugin.eq_ignore_ascii_case("composed") {
         return composed(loader, o, name, &inside, two_sided).map(|material| vec![material]);
     }

@@ -13,7 +13,7 @@ use glam::{DAffine3, Vec3};
 
 pub(super) use self::reader::scene;
 
-use crate::load::beside;
+use crate::load::beside::{beside, written};
 use crate::load::files;
 use lumbre_light::scene::{Note, SceneError};
 
@@ -65,10 +65,9 @@ pub(super) struct XmlObject {
 /// Returns the path of a file that another file names: in the first of the folders that has it, else
 /// beside that file.
 fn find_file(folders: &[PathBuf], named_in: &Path, file: &str) -> PathBuf {
-    let written = file.replace('\\', "/");
-    let mut found = folders.iter().map(|folder| folder.join(&written));
+    let mut found = folders.iter().map(|folder| written(folder, file));
     found
-        .find(|path| files::check(path).is_ok() && path.is_file())
+        .find(|path| files::exists(path))
         .unwrap_or_else(|| beside(named_in.parent().unwrap_or(Path::new("")), file))
 }
 
@@ -209,6 +208,11 @@ impl XmlObject {
                 }
                 _ => None,
             })
+    }
+
+    /// Returns the surfaces inside this object, and marks them as read.
+    pub fn surfaces(&self) -> Vec<Rc<XmlObject>> {
+        self.children("bsdf").cloned().collect()
     }
 
     /// Notes every property that was not read, here and in the objects inside.

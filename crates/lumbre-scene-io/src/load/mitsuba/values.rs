@@ -3,16 +3,8 @@
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use crate::load::spectrum::{Sampled, planck, to_srgb, under_daylight, xyz};
+pub(super) use crate::names::truncated;
 use lumbre_light::scene::compile::{Curve, srgb_to_linear};
-
-/// Returns the beginning of a text, for messages.
-pub(super) fn truncated(text: &str) -> String {
-    let mut out: String = text.chars().take(32).collect();
-    if out.len() < text.len() {
-        out.push_str("...");
-    }
-    out
-}
 
 /// Converts names of Mitsuba 0.5, such as `toWorld`, `intIOR` and `maxDepth`, to the spelling of
 /// Mitsuba 3.

@@ -28,7 +28,7 @@ pub(super) use self::text::Smoothing;
 use super::images::ImageCache;
 use super::{MissingTextures, canonical, read_file};
 use super::{default_scene, files};
-use crate::load::beside;
+use crate::load::beside::{beside, written};
 use lumbre_light::scene::desc::{DEFAULT_MATERIAL, MaterialDesc, MeshDesc, SceneDesc, mesh_hash};
 use lumbre_light::scene::{Note, SceneError};
 
@@ -117,11 +117,7 @@ fn without_comment(name: &str) -> &str {
 /// Returns the material files that the argument of an `mtllib` names: one whose name may contain
 /// spaces, or several.
 fn files_of(folder: &Path, names: &str) -> Vec<PathBuf> {
-    let file = |name: &str| beside(folder, name);
-    let exists = |name: &str| {
-        let file = file(name);
-        files::check(&file).is_ok() && file.is_file()
-    };
+    let exists = |name: &str| files::exists(&written(folder, name));
     let is_library = |name: &str| name.to_ascii_lowercase().ends_with(".mtl");
     let mut found = Vec::new();
     let mut rest = names.trim();
@@ -136,7 +132,7 @@ fn files_of(folder: &Path, names: &str) -> Vec<PathBuf> {
         let existing = longest_first.find(|end| exists(&rest[..**end]));
         let missing = || ends.iter().find(|end| is_library(&rest[..**end]));
         let end = existing.or_else(missing).copied().unwrap_or(rest.len());
-        found.push(file(&rest[..end]));
+        found.push(beside(folder, &rest[..end]));
         rest = rest[end..].trim_start();
     }
     found

@@ -329,7 +329,7 @@ impl MtlParser<'_> {
         let folder = self.path.parent().unwrap_or(Path::new(""));
         let mut file = beside(folder, name);
         // Names may contain a `#`, and comments may follow.
-        if files::check(&file).is_err() || !file.is_file() {
+        if !files::exists(&file) {
             file = beside(folder, without_comment(name));
         }
         match self.images.load(&file, self.notes) {

@@ -1,5 +1,6 @@
 //! Tokens of pbrt's text: words, quoted strings, numbers and brackets.
 
+pub(super) use crate::names::truncated;
 use std::path::Path;
 use std::rc::Rc;
 
@@ -33,15 +34,6 @@ impl Token {
             Token::Close => "`]`".to_owned(),
         }
     }
-}
-
-/// Returns the beginning of a text, for messages.
-pub(super) fn truncated(text: &str) -> String {
-    let mut out: String = text.chars().take(32).collect();
-    if out.len() < text.len() {
-        out.push_str("...");
-    }
-    out
 }
 
 /// A place in a file.

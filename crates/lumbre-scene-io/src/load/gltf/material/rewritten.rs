@@ -11,7 +11,7 @@ use lumbre_light::scene::SceneError;
 use lumbre_light::scene::desc::{Lookup, Texels, TextureDesc};
 
 /// Key of an unlit material among the extensions.
-pub(super) const UNLIT: &str = "KHR_materials_unlit";
+pub(in crate::load::gltf) const UNLIT: &str = "KHR_materials_unlit";
 /// Key of a material of diffuse and specular colours among the extensions.
 pub(super) const SPECULAR_GLOSSINESS: &str = "KHR_materials_pbrSpecularGlossiness";
 

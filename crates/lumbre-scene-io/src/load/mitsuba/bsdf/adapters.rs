@@ -19,7 +19,7 @@ impl BsdfReader<'_> {
         two_sided: bool,
         depth: usize,
     ) -> Result<(), SceneError> {
-        let inside: Vec<_> = o.children("bsdf").cloned().collect();
+        let inside = o.surfaces();
         if inside.len() > 1 {
             self.notes.push(o.note(format!(
                 "only the first of the {} surfaces of `{}` is used",
@@ -40,16 +40,14 @@ impl BsdfReader<'_> {
         two_sided: bool,
         depth: usize,
     ) -> Result<(), SceneError> {
-        let inside: Vec<_> = o.children("bsdf").cloned().collect();
+        let inside = o.surfaces();
         if inside.len() != 2 {
             return Err(o.error(format!(
                 "a `blendbsdf` needs exactly two surfaces inside, found {}",
                 inside.len()
             )));
         }
-        for surface in &inside {
-            self.part(surface, two_sided, depth)?;
-        }
+        self.add_surfaces(&inside, two_sided, depth)?;
         let second = self.unit_number(o, "weight", 0.5, Some(TextureSlot::Weights))?;
         self.m.weights = vec![1.0 - second, second];
         self.note_smooth_parts(o);

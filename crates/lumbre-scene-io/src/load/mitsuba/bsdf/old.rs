@@ -20,7 +20,7 @@ impl BsdfReader<'_> {
         two_sided: bool,
         depth: usize,
     ) -> Result<(), SceneError> {
-        let inside: Vec<_> = o.children("bsdf").cloned().collect();
+        let inside = o.surfaces();
         let Some(mut weights) = o.numbers("weights")? else {
             return Err(o.error("a `mixturebsdf` needs `weights`"));
         };
@@ -42,9 +42,7 @@ impl BsdfReader<'_> {
             )));
             weights.iter_mut().for_each(|w| *w /= sum);
         }
-        for surface in &inside {
-            self.part(surface, two_sided, depth)?;
-        }
+        self.add_surfaces(&inside, two_sided, depth)?;
         if sum < 1.0 - 1e-6 {
             weights.push(1.0 - sum);
             self.add_part(|reader| {
@@ -106,9 +104,9 @@ impl BsdfReader<'_> {
             d / (d + s).max(1e-6)
         };
         let (share, rest) = (share.clamp(0.0, 1.0), 1.0 - share.clamp(0.0, 1.0));
-        if diffuse.1.is_some() && s > 0.0 {
+        if share > 0.0 && rest > 0.0 && (diffuse.1.is_some() || glossy.1.is_some()) {
             self.notes.push(o.note(
-                "a diffuse texture below a highlight is darker here by the share of the highlight",
+                "textures of the two reflectances are darker here by the share of the other one",
             ));
         }
         let colour = |(color, texture): &(Vec3, Option<LoadedTexture>), level: f32, share: f32| {
@@ -188,21 +186,24 @@ impl BsdfReader<'_> {
         Ok(())
     }
 
-    /// Adds a surface as a part of the material.
-    pub(super) fn part(
+    /// Adds surfaces as parts of the material.
+    pub(super) fn add_surfaces(
         &mut self,
-        surface: &Rc<XmlObject>,
+        surfaces: &[Rc<XmlObject>],
         two_sided: bool,
         depth: usize,
     ) -> Result<(), SceneError> {
-        self.add_part(|reader| {
-            reader.surface(surface, two_sided, depth + 1)?;
-            if reader.m.texture(TextureSlot::Mask).is_some() {
-                let message = "a mask inside a surface of several is ignored";
-                reader.notes.push(surface.note(message));
-            }
-            Ok(())
-        })
+        for surface in surfaces {
+            self.add_part(|reader| {
+                reader.surface(surface, two_sided, depth + 1)?;
+                if reader.m.texture(TextureSlot::Mask).is_some() {
+                    let message = "a mask inside a surface of several is ignored";
+                    reader.notes.push(surface.note(message));
+                }
+                Ok(())
+            })?;
+        }
+        Ok(())
     }
 
     /// Adds what a function reads as a part of the material.
