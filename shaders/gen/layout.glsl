@@ -214,7 +214,7 @@ struct InstanceTransform {
     uint root; // First node of the mesh's tree.
 };
 
-// Point light that shines in all directions or into a cone.
+// Point light that shines in all directions, into a cone, or as a map states.
 struct PointLight {
     vec3 position; // Position in world space.
     vec3 intensity; // Radiant intensity along the axis.
@@ -224,6 +224,8 @@ struct PointLight {
     float beam_height; // One minus the cosine of `beam`.
     float cutoff_height; // One minus the cosine of `cutoff`; 2 is all directions.
     uint is_smooth; // 1 if the intensity falls off with the square of a term linear in the cosine, 0 if linearly with the angle.
+    uint map; // Texture that multiplies the intensity by direction, or NONE.
+    vec2 turn; // Sine and cosine of the rotation of the map about +y.
 };
 
 // Directional light from infinity.

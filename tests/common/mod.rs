@@ -11,8 +11,8 @@ use lumbre_light::film::Film;
 use lumbre_light::film::time::TimeAxis;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{
-    Cone, DirectionalLight, Emitter, Environment, Interface, MaskMode, Material, Model, NONE,
-    PointLight, Sphere, Texture, TriangleAttributes, UvMap,
+    Cone, DirectionalLight, Emitter, Environment, IntensityMap, Interface, MaskMode, Material,
+    Model, NONE, PointLight, Sphere, Texture, TriangleAttributes, UvMap,
 };
 use lumbre_light::scene::desc::{CameraDesc, ConeDesc};
 use lumbre_light::transport::integrator::{IntegratorRow, integrator};
@@ -229,6 +229,7 @@ impl SceneBuilder {
                 position,
                 intensity,
                 cone: Cone::WHOLE,
+                map: None,
             })
         })
     }
@@ -240,6 +241,29 @@ impl SceneBuilder {
                 position,
                 intensity,
                 cone: Cone::new(axis, &cone),
+                map: None,
+            })
+        })
+    }
+
+    /// Adds a goniometric light, whose map is turned by an angle.
+    pub fn goniometric(
+        mut self,
+        position: Vec3,
+        intensity: Vec3,
+        map: Texture,
+        rotation_deg: f32,
+    ) -> SceneBuilder {
+        let map = IntensityMap {
+            texture: self.texture(map),
+            rotation_rad: rotation_deg.to_radians(),
+        };
+        self.with(|s| {
+            s.points.push(PointLight {
+                position,
+                intensity,
+                cone: Cone::WHOLE,
+                map: Some(map),
             })
         })
     }

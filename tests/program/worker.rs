@@ -237,6 +237,7 @@ fn everything() -> (Arc<CompiledScene>, Job) {
         )
         .sphere(Vec3::new(-0.6, 0.4, -0.5), 0.2, light(2.0))
         .point(Vec3::new(0.0, 1.0, 1.0), Vec3::ONE)
+        .goniometric(Vec3::new(0.5, 1.0, 1.0), Vec3::ONE, sky.clone(), 40.0)
         .directional(Vec3::new(0.3, -1.0, 0.1), Vec3::splat(0.5))
         .environment(Some(sky), Vec3::splat(0.3), 30.0)
         .with(|s| {

@@ -108,6 +108,11 @@ pub(crate) const PBRT_SMOOTH_SPOT: &str = "the falloff of the cone is a square h
                                            pbrt: a difference of up to 25 % of the intensity at \
                                            the edge";
 
+/// Coloured maps of goniometric lights in version 4 of pbrt.
+pub(crate) const PBRT_GONIOMETRIC_COLOR: &str = "pbrt replaces the colours of the map of a \
+                                                 goniometric light by the mean of red, green and \
+                                                 blue";
+
 /// Environment maps of version 4 of pbrt.
 pub(crate) const EQUAL_AREA: &str = "the map of equal areas is resampled to longitude and \
                                      latitude: edges of texels are blurred";

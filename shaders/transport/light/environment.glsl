@@ -11,19 +11,24 @@ uvec2 environment_size() {
     return uvec2(textures[job.environment_texture].width, textures[job.environment_texture].height);
 }
 
-// Returns column and row of a direction as fractions of width and height, both in 0..=1.
-vec2 environment_coordinates(vec3 dir) {
-    float turn_sin = job.environment_turn.x, turn_cos = job.environment_turn.y;
-    float x = dir.x * turn_cos - dir.z * turn_sin, z = dir.x * turn_sin + dir.z * turn_cos;
+// Returns column and row of a direction as fractions of width and height, both in 0..=1, in a map
+// that is turned by the angle with the sine and cosine `turn`.
+vec2 directions_coordinates(vec2 turn, vec3 dir) {
+    float x = dir.x * turn.y - dir.z * turn.x, z = dir.x * turn.x + dir.z * turn.y;
     float u = atan2(x, -z) / TAU;
     return vec2(u < 0.0 ? u + 1.0 : u, atan2(sqrt(x * x + z * z), dir.y) / PI);
 }
 
-// Returns the colour interpolated between the centres of four texels, across the seam and up to the
-// poles.
-vec3 environment_bilinear(vec2 uv) {
-    uint first = textures[job.environment_texture].first;
-    ivec2 size = ivec2(environment_size());
+// Returns texel number `i` of a map; `floats` states whether its texels are floats, as those of the
+// environment are.
+vec3 directions_texel(Texture map, bool floats, int i) {
+    return floats ? float_texel(map.first, uint(i)) : texture_texel(map, uint(i));
+}
+
+// Returns the colour of a map interpolated between the centres of four texels, across the seam and
+// up to the poles.
+vec3 directions_bilinear(Texture map, bool floats, vec2 uv) {
+    ivec2 size = ivec2(map.width, map.height);
     vec2 xy = uv * vec2(size) - 0.5;
     ivec2 low = ivec2(floor(xy));
     vec2 f = xy - floor(xy);
@@ -31,10 +36,12 @@ vec3 environment_bilinear(vec2 uv) {
     ivec2 columns = (ivec2(low.x, low.x + 1) + size.x) % size.x;
     ivec2 rows = clamp(ivec2(low.y, low.y + 1), 0, size.y - 1) * size.x;
     vec3 upper = mix(
-        float_texel(first, uint(rows.x + columns.x)), float_texel(first, uint(rows.x + columns.y)), f.x
+        directions_texel(map, floats, rows.x + columns.x),
+        directions_texel(map, floats, rows.x + columns.y), f.x
     );
     vec3 lower = mix(
-        float_texel(first, uint(rows.y + columns.x)), float_texel(first, uint(rows.y + columns.y)), f.x
+        directions_texel(map, floats, rows.y + columns.x),
+        directions_texel(map, floats, rows.y + columns.y), f.x
     );
     return mix(upper, lower, f.y);
 }
@@ -47,7 +54,9 @@ vec3 environment_radiance(vec3 dir) {
     if (job.environment_texture == NONE) {
         return job.environment_radiance;
     }
-    return job.environment_radiance * environment_bilinear(environment_coordinates(dir));
+    vec2 uv = directions_coordinates(job.environment_turn, dir);
+    return job.environment_radiance
+        * directions_bilinear(textures[job.environment_texture], true, uv);
 }
 
 // Samples a direction towards the environment, with its density per solid angle.
@@ -82,7 +91,8 @@ float environment_pdf_w(vec3 dir) {
         return 1.0 / (4.0 * PI);
     }
     uvec2 size = environment_size();
-    uvec2 cell = min(uvec2(environment_coordinates(dir) * vec2(size)), size - 1u);
+    vec2 uv = directions_coordinates(job.environment_turn, dir);
+    uvec2 cell = min(uvec2(uv * vec2(size)), size - 1u);
     return grid_probability(size.x, cell.x, cell.y) * environment_rows[cell.y].density;
 }
 

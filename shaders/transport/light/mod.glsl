@@ -168,8 +168,7 @@ vec3 lights_emitted(LightPoint point, vec3 dir) {
         return dot(point.normal, dir) > 0.0 ? area_emission(point.light, point.uv) : vec3(0.0);
     }
     if (kind == LIGHT_POINT) {
-        uint i = point.light - job.light_first.x;
-        return points[i].intensity * point_falloff(i, dir);
+        return point_intensity(point.light - job.light_first.x, dir);
     }
     if (kind == LIGHT_DIRECTIONAL) {
         uint i = point.light - job.light_first.y;

@@ -4,6 +4,7 @@
 
 #include "math/frame.glsl"
 #include "math/warp.glsl"
+#include "transport/light/environment.glsl"
 #include "transport/light/types.glsl"
 
 LightPoint point_at(uint i, vec3 normal) {
@@ -37,6 +38,16 @@ float point_falloff(uint i, vec3 dir) {
     return clamp((points[i].cutoff - angle) / (points[i].cutoff - points[i].beam), 0.0, 1.0);
 }
 
+// Returns the intensity of point light `i` in a unit direction.
+vec3 point_intensity(uint i, vec3 dir) {
+    vec3 intensity = points[i].intensity * point_falloff(i, dir);
+    if (points[i].map == NONE) {
+        return intensity;
+    }
+    vec2 uv = directions_coordinates(points[i].turn, dir);
+    return intensity * directions_bilinear(textures[points[i].map], false, uv);
+}
+
 // Returns the density per solid angle of a direction of emission of point light `i`: uniform over
 // the whole cone.
 float point_pdf_w(uint i, vec3 dir) {
@@ -48,16 +59,16 @@ float point_pdf_w(uint i, vec3 dir) {
         : 0.0;
 }
 
-// Returns light that arrives at `from` from point light `i`; false at the light itself and outside
-// its cone.
+// Returns light that arrives at `from` from point light `i`; false at the light itself and where it
+// does not emit.
 bool point_sample_direct(uint i, vec3 from, out DirectSample s) {
     vec3 to = points[i].position - from;
     float distance = length(to);
     vec3 wi = to / distance;
-    float left = point_falloff(i, -wi);
-    vec3 radiance = points[i].intensity * left / (distance * distance);
+    vec3 intensity = point_intensity(i, -wi);
+    vec3 radiance = intensity / (distance * distance);
     s = DirectSample(wi, distance, radiance, 1.0, true, point_at(i, -wi));
-    return distance > 0.0 && left > 0.0 && is_finite(radiance);
+    return distance > 0.0 && intensity != vec3(0.0) && is_finite(radiance);
 }
 
 // Samples a direction uniform over the cone.
@@ -72,7 +83,7 @@ EmissionSample point_sample_emission(uint i, vec2 v) {
             frame_from_normal(points[i].axis), vec3(r * sin_cos(TAU * v.y).yx, 1.0 - height)
         );
     }
-    vec3 radiance = points[i].intensity * point_falloff(i, dir);
+    vec3 radiance = point_intensity(i, dir);
     return EmissionSample(point_at(i, dir), dir, radiance, 1.0, point_pdf_w(i, dir), 1.0);
 }
 

@@ -26,7 +26,7 @@ fn lit(map: bool) -> (Arc<CompiledScene>, Job) {
             .collect();
         Texture::new(width, height, texels)
     };
-    let (sky, pattern) = (texture(9, 5), texture(4, 4));
+    let (sky, pattern, by_direction) = (texture(9, 5), texture(4, 4), texture(5, 3));
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO, 60.0);
     let index = builder.texture(pattern);
     let emitting = Material {
@@ -72,6 +72,7 @@ fn lit(map: bool) -> (Arc<CompiledScene>, Job) {
             Vec3::ONE,
             cone(ConeEdge::Smooth),
         )
+        .goniometric(Vec3::new(1.5, 0.5, 0.5), Vec3::ONE, by_direction, 70.0)
         .directional(Vec3::new(0.3, -1.0, 0.2), Vec3::ONE)
         .environment(map.then_some(sky), Vec3::new(0.5, 0.6, 0.7), 30.0);
     (scene.build(), job([64, 36], 5, 7))

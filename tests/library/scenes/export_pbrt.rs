@@ -1,10 +1,12 @@
 //! Exports to pbrt, imported by this project's loader: the same materials, the same primitives, and
 //! from the same samples the same picture.
 
+use std::sync::Arc;
+
 use lumbre_light::film::Image;
 use lumbre_light::scene::desc::{
-    Distribution, EnvironmentDesc, EnvironmentSource, MaskMode, MaterialDesc, Model, SceneDesc,
-    TextureSlot, Wrap,
+    Distribution, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, MaskMode, MaterialDesc,
+    Model, SceneDesc, Texels, TextureDesc, TextureSlot, Wrap,
 };
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_scene_io::export;
@@ -178,6 +180,56 @@ fn every_material_parameter_of_pbrt_is_the_same_after_export_and_import() {
             m.name
         );
     }
+}
+
+#[test]
+fn goniometric_lights_have_the_same_directions_after_export_and_import() {
+    let mut desc = plain_gallery(vec![material("wall", |m| m.model = Model::Lambert)]);
+    desc.environment = None;
+    // The quarter of the map right of its middle, which is +z, is white, at all heights.
+    let texel = |x: u32| {
+        [if (32..48).contains(&(x % 64)) {
+            1.0
+        } else {
+            0.25
+        }; 4]
+    };
+    let texels = Texels::RgbaF32((0..64 * 32).map(texel).collect());
+    let map = Arc::new(TextureDesc::new("m.exr", 64, 32, texels));
+    desc.lights = vec![LightDesc {
+        name: "lamp".to_owned(),
+        kind: LightKind::Goniometric {
+            position: Vec3::new(0.5, 1.0, 5.0),
+            intensity: Vec3::new(20.0, 15.0, 9.0),
+            map,
+            rotation_deg: 70.0,
+        },
+    }];
+    let (imported, notes) = round_trip(&desc);
+    assert!(
+        notes.contains("equal areas") && !notes.contains("not supported"),
+        "{notes}"
+    );
+    let LightKind::Goniometric { position, .. } = imported.lights[0].kind else {
+        panic!("{:?}", imported.lights)
+    };
+    assert!(position.distance(Vec3::new(0.5, 1.0, 5.0)) < 1e-5);
+    // Both resamplings blur edges of the map.
+    let wrong = different_pixels(&desc, &imported);
+    assert!(wrong < 200, "{wrong} of 1536 pixels differ");
+    let mitsuba = tempfile::tempdir().unwrap();
+    let exported = export::mitsuba(&desc, &mitsuba.path().join("m")).unwrap();
+    let notes = lines(&exported.notes);
+    assert!(notes.contains("a point light of the same power"), "{notes}");
+    let (imported, _) = load(&exported.scene).unwrap();
+    let LightKind::Point { intensity, .. } = imported.lights[0].kind else {
+        panic!("{:?}", imported.lights)
+    };
+    let mean = 0.25 + 0.75 * 0.25;
+    assert!(
+        (intensity.x / (20.0 * mean) - 1.0).abs() < 0.01,
+        "{intensity}"
+    );
 }
 
 #[test]

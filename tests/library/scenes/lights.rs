@@ -73,13 +73,13 @@ fn errors_of_lights_name_their_key() {
         ),
         (
             light("{}"),
-            "lights[0]: a light needs a `type`: point, directional or spot",
+            "lights[0]: a light needs a `type`: point, directional, spot or goniometric",
         ),
         (light("4"), "lights[0]: expected an object"),
         ("{ \"lights\": {} }".to_owned(), "lights: expected a list"),
         (
             light(r#"{ "type": "area" }"#),
-            "unknown light type `area` (known: point, directional, spot)",
+            "unknown light type `area` (known: point, directional, spot, goniometric)",
         ),
         (
             light(r#"{ "type": "point", "intensity": [1, 1, 1] }"#),
@@ -147,6 +147,49 @@ fn errors_of_lights_name_their_key() {
         notes.contains("environment.rotatoin: unknown key, ignored (did you mean `rotation`?)"),
         "{notes}"
     );
+}
+
+#[test]
+fn goniometric_lights_are_read_compiled_and_changed() {
+    let text = r#"{ "camera": { "position": [0, 0, 5] }, "lights": [ { "type": "goniometric",
+        "name": "lamp", "position": [1, 2, 3], "intensity": [4, 5, 6], "map": "m.hdr",
+        "rotation": 450 } ] }"#;
+    let folder = Folder::new(&[("a.scn", text)]);
+    write_hdr(&folder.path("m.hdr"), &[[1.0; 3], [0.5, 1.0, 2.0]], 2);
+    let (mut desc, notes) = folder.load("a.scn").unwrap();
+    assert!(notes.is_empty(), "{}", lines(&notes));
+    let before = content_hash(&desc);
+    let (scene, _) = compile(&desc).unwrap();
+    let light = scene.points[0];
+    assert_eq!(light.intensity, Vec3::new(4.0, 5.0, 6.0));
+    let map = light.map.unwrap();
+    assert!((map.rotation_rad - std::f32::consts::FRAC_PI_2).abs() < 1e-6);
+    assert_eq!(
+        scene.textures[map.texture as usize].texels.at(1),
+        [0.5, 1.0, 2.0]
+    );
+
+    assert!(paths(&desc).contains(&"lights.lamp.rotation".to_owned()));
+    assert!(!paths(&desc).contains(&"lights.lamp.map".to_owned()));
+    write_hdr(&folder.path("n.hdr"), &[[0.25; 3]], 1);
+    let file = folder.path("n.hdr").to_string_lossy().into_owned();
+    for (path, value) in [
+        ("lights.lamp.rotation", Value::number(10.0)),
+        ("lights.lamp.intensity", nums(&[1.0, 1.0, 1.0])),
+        ("lights.lamp.map", Value::from(file.as_str())),
+    ] {
+        let last = content_hash(&desc);
+        set(&mut desc, path, &value).unwrap();
+        assert!(![before, last].contains(&content_hash(&desc)), "{path}");
+    }
+    let (scene, _) = compile(&desc).unwrap();
+    assert_eq!(scene.textures[0].texels.at(0), [0.25; 3]);
+    let e = set(&mut desc, "lights.lamp.beam", &Value::number(3.0)).unwrap_err();
+    assert!(e.to_string().contains("a goniometric light"), "{e}");
+
+    let without = text.replace(r#""map": "m.hdr","#, "");
+    let e = scn(&without).unwrap_err().to_string();
+    assert!(e.contains("a goniometric light needs `map`"), "{e}");
 }
 
 #[test]

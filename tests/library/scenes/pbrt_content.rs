@@ -5,10 +5,12 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
 use lumbre_light::scene::compile;
+use lumbre_light::scene::compile::Uv;
 use lumbre_light::scene::desc::{
     ConeEdge, EntityDesc, EnvironmentSource, LightKind, MaskMode, MaterialDesc, Model, SceneDesc,
     TextureFilter, TextureSlot, Wrap,
 };
+use lumbre_light::transport::light::{LightId, LightPoint, Lights};
 
 use super::mesh_of;
 use super::pbrt::{TRIANGLE, VIEW, read, read_files, read_v3, refused};
@@ -301,7 +303,7 @@ fn textures_are_decoded_scaled_and_mapped() {
 /// Returns the lights of a world.
 fn lights(world: &str, old: bool) -> Vec<LightKind> {
     let (desc, _) = if old { read_v3(world) } else { read(world) };
-    desc.lights.iter().map(|l| l.kind).collect()
+    desc.lights.iter().map(|l| l.kind.clone()).collect()
 }
 
 #[test]
@@ -364,6 +366,83 @@ fn lights_have_the_units_and_directions_of_pbrt() {
         panic!("a directional light expected")
     };
     assert!(direction.distance(Vec3::NEG_Y) < 1e-6 && irradiance == Vec3::splat(5.0));
+}
+
+#[test]
+fn goniometric_lights_have_the_axes_and_units_of_pbrt() {
+    // Returns the factor of the map in a direction of the world, and the light.
+    let read = |world: &str, image: &[u8], old: bool| {
+        let film = if old { "Film \"image\"\n" } else { "" };
+        let end = if old { "WorldEnd\n" } else { "" };
+        let text = format!("{VIEW}{film}WorldBegin\n{world}\n{end}");
+        let (desc, notes) = read_files(&[("a.pbrt", text.as_bytes()), ("t.png", image)]).unwrap();
+        let (scene, _) = compile(&desc).unwrap();
+        let lights = Lights::new(&scene);
+        let at = LightPoint {
+            lights: [LightId::Point(0)],
+            position: scene.points[0].position,
+            normal: Vec3::Y,
+            extent: 0.0,
+            uv: Uv::zero(),
+        };
+        let emitted = [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z]
+            .map(|dir| lights.emitted(&scene, &at, dir));
+        (scene.points[0].position, emitted, notes)
+    };
+    let png = |width: u32, texels: &[u8]| {
+        let height = texels.len() as u32 / width;
+        let image = image::GrayImage::from_raw(width, height, texels.to_vec()).unwrap();
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        image::DynamicImage::from(image)
+            .into_rgb8()
+            .write_to(&mut bytes, image::ImageFormat::Png)
+            .unwrap();
+        bytes.into_inner()
+    };
+    // Version 3: the top row is +y of the light, the columns are +x, +z, -x, -z.
+    let gonio = "LightSource \"goniometric\" \"rgb I\" [2 2 2] \"string mapname\" \"t.png\"";
+    let top = png(1, &[vec![255; 32], vec![0; 32]].concat());
+    let (position, emitted, _) = read(&format!("Translate 1 2 3\n{gonio}"), &top, true);
+    assert_eq!(position, Vec3::new(1.0, 2.0, 3.0));
+    assert!((emitted[1] - 2.0).abs().max_element() < 1e-5 && emitted[4] == Vec3::ZERO);
+    let wedge: Vec<u8> = (0..64)
+        .map(|i| if (8..24).contains(&i) { 255 } else { 0 })
+        .collect();
+    let (_, emitted, _) = read(gonio, &png(64, &wedge), true);
+    assert!((emitted[2] - 2.0).abs().max_element() < 1e-5, "{emitted:?}");
+    assert!(
+        [0, 3, 5].iter().all(|i| emitted[*i].max_element() < 1e-5),
+        "{emitted:?}"
+    );
+    // Version 4: the middle of the square is +z of the texture's space, +y of the light.
+    let square: Vec<u8> = (0..32 * 32)
+        .map(|i| {
+            let inside = [i % 32, i / 32].iter().all(|x| (12..20).contains(x));
+            if inside { 255 } else { 0 }
+        })
+        .collect();
+    let gonio = "LightSource \"goniometric\" \"string filename\" \"t.png\"";
+    let (_, emitted, notes) = read(gonio, &png(32, &square), false);
+    assert!((emitted[1] - 1.0).abs().max_element() < 1e-5, "{emitted:?}");
+    assert!(
+        [0, 2, 3, 4, 5].iter().all(|i| emitted[*i] == Vec3::ZERO),
+        "{emitted:?}"
+    );
+    assert!(notes.contains("equal areas"), "{notes}");
+    // A power of 4 pi is a mean intensity of 1: 16 where a sixteenth of the square is white.
+    let power = format!("{gonio} \"float power\" 12.566371");
+    let (_, emitted, _) = read(&power, &png(32, &square), false);
+    assert!(
+        (emitted[1] / 16.0 - 1.0).abs().max_element() < 1e-3,
+        "{emitted:?}"
+    );
+    // Without a map it is a point light.
+    let [LightKind::Point { intensity, .. }] =
+        lights("LightSource \"goniometric\" \"rgb I\" [1 2 3]", false)[..]
+    else {
+        panic!("a point light expected")
+    };
+    assert_eq!(intensity, Vec3::new(1.0, 2.0, 3.0));
 }
 
 #[test]

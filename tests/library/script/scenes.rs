@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
 use lumbre_light::scene::desc::{
-    EnvironmentSource, Lookup, ShapeDesc, TextureFilter, TextureSlot, Wrap, content_hash,
+    EnvironmentSource, LightKind, Lookup, ShapeDesc, TextureFilter, TextureSlot, Wrap, content_hash,
 };
 use lumbre_light::scene::{SceneDesc, compile};
 use lumbre_light::value::Value;
@@ -97,6 +97,50 @@ s:environment { color = { 0.1, 0.1, 0.2 }, scale = 2 }",
         .flatten()
         .fold(Vec3::MIN, |a, p| a.max(*p));
     assert!((high - Vec3::new(3.0, 3.0, 1.0)).length() < 1e-5, "{high}");
+}
+
+#[test]
+fn goniometric_lights_need_a_position_and_an_intensity_and_nothing_else() {
+    let map = "map = texture.paint { size = { 4, 2 }, linear = true, color = function(u, v) return \
+               u end }";
+    let s = made(&format!(
+        "s:light {{ position = {{ 0, 4, 0 }}, intensity = {{ 10, 9, 8 }}, {map}, rotation = 30 }}"
+    ));
+    let LightKind::Goniometric {
+        intensity,
+        map: image,
+        rotation_deg,
+        ..
+    } = &s.lights[0].kind
+    else {
+        panic!("{:?}", s.lights)
+    };
+    assert_eq!(
+        (*intensity, *rotation_deg),
+        (Vec3::new(10.0, 9.0, 8.0), 30.0)
+    );
+    assert_eq!((image.width, image.height), (4, 2));
+    for (options, part) in [
+        (
+            format!("position = {{ 0, 4, 0 }}, {map}"),
+            "needs `position` and `intensity`",
+        ),
+        (
+            format!("position = {{ 0, 4, 0 }}, intensity = {{ 1, 1, 1 }}, beam = 3, {map}"),
+            "has no `beam`",
+        ),
+        (
+            "position = { 0, 4, 0 }, intensity = { 1, 1, 1 }, rotation = 3".to_owned(),
+            "lights with a `map`",
+        ),
+        (
+            "position = { 0, 4, 0 }, intensity = { 1, 1, 1 }, map = 3".to_owned(),
+            "light.map",
+        ),
+    ] {
+        let e = refused(&format!("s:light {{ {options} }}"));
+        assert!(e.contains(part), "{options}: {e}");
+    }
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! `s:light` and `s:environment`: lights of scenes.
 
+use std::sync::Arc;
+
 use glam::Vec3;
 use mlua::Value as LuaValue;
 
@@ -10,11 +12,11 @@ use crate::error::ScriptError;
 use crate::kind::kind;
 use crate::strict::Fields;
 use lumbre_light::scene::desc::{
-    ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind,
+    ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, TextureDesc,
 };
 use lumbre_light::value::schema::SchemaError;
 
-/// Implements `s:light`: adds a point, directional or spot light.
+/// Implements `s:light`: adds a point, directional, spot or goniometric light.
 ///
 /// # Errors
 /// Returns an error for an invalid combination of options or a duplicate name.
@@ -36,6 +38,30 @@ fn light_kind(args: &Args, fields: &Fields) -> Result<LightKind, ScriptError> {
     let vector = |key: &str| fields.numbers(key).map(Vec3::from_array);
     let angle = |key: &str| fields.f32(key);
     let angles = (angle("cutoff"), angle("beam"));
+    let map = match fields.objects.get("map") {
+        Some(map) => Some(map_texture(args, map, "light.map")?),
+        None => None,
+    };
+    if let Some(map) = map {
+        let (Some(position), Some(intensity)) = (vector("position"), vector("intensity")) else {
+            let problem = "a light with a `map` needs `position` and `intensity`";
+            return Err(args.error(problem, None));
+        };
+        let others = ["direction", "irradiance", "cutoff", "beam"];
+        if let Some(other) = others.iter().find(|key| fields.values.contains_key(**key)) {
+            let problem = format!("a light with a `map` has no `{other}`");
+            return Err(args.error(problem, None));
+        }
+        return Ok(LightKind::Goniometric {
+            position,
+            intensity,
+            map,
+            rotation_deg: angle("rotation").unwrap_or(0.0),
+        });
+    }
+    if angle("rotation").is_some() {
+        return Err(args.error("`rotation` applies to lights with a `map`", None));
+    }
     Ok(
         match (
             vector("position"),
@@ -85,6 +111,22 @@ fn light_kind(args: &Args, fields: &Fields) -> Result<LightKind, ScriptError> {
     )
 }
 
+/// Returns the texture of a map of directions, which is the option with this path.
+///
+/// # Errors
+/// Returns an error for a value that is no texture, and for an unreadable file.
+fn map_texture(args: &Args, map: &LuaValue, path: &str) -> Result<Arc<TextureDesc>, ScriptError> {
+    if let Some(map) = texture::texture_from_value(args, map)? {
+        return Ok(map.texture);
+    }
+    let problem = format!(
+        "expected a texture or the name of an image, found {}",
+        kind(map)
+    );
+    let key = "map".to_owned();
+    Err(args.locate_error(SchemaError::new(path.to_owned(), key, problem)))
+}
+
 /// Implements `s:environment`: sets the light from the environment.
 ///
 /// # Errors
@@ -93,17 +135,7 @@ pub fn environment(args: &Args) -> Result<LuaValue, ScriptError> {
     let fields = args.fields(0, "options", &ENVIRONMENT, "environment")?;
     let source = match (fields.numbers("color"), fields.objects.get("map")) {
         (Some(color), None) => EnvironmentSource::Color(Vec3::from_array(color)),
-        (None, Some(map)) => match texture::texture_from_value(args, map)? {
-            Some(map) => EnvironmentSource::Map(map.texture),
-            None => {
-                let (path, key) = ("environment.map".to_owned(), "map".to_owned());
-                let problem = format!(
-                    "expected a texture or the name of an image, found {}",
-                    kind(map)
-                );
-                return Err(args.locate_error(SchemaError::new(path, key, problem)));
-            }
-        },
+        (None, Some(map)) => EnvironmentSource::Map(map_texture(args, map, "environment.map")?),
         _ => return Err(args.error("expected either a `color` or a `map`", None)),
     };
     let number = |key: &str, default: f32| fields.f64(key).map_or(default, |x| x as f32);

@@ -56,11 +56,13 @@ lumbre_light::table! {
     /// Options of `s:light`.
     pub const POINT_LIGHT = "SceneLight",
         "Light without a surface: a point light (`position`, `intensity`), a directional light \
-         (`direction`, `irradiance`) or a spot light (`position`, `direction`, `intensity`).";
+         (`direction`, `irradiance`), a spot light (`position`, `direction`, `intensity`) or a \
+         goniometric light (`position`, `intensity`, `map`).";
     name = "light_1, ..": Ty::Str, "name for changes with `set`: lights.NAME.intensity";
-    position = "": POINT, "position of a point or spot light";
+    position = "": POINT, "position of a point, spot or goniometric light";
     intensity = "": LIGHT,
-        "RGB radiant intensity of a point light, or of a spot light along its axis";
+        "RGB radiant intensity of a point light, of a spot light along its axis, or of a goniometric \
+         light where its map is 1";
     direction = "": POINT, "direction in which directional light travels, or axis of a spot light";
     irradiance = "": LIGHT, "RGB irradiance of directional light on a surface that faces it";
     cutoff = "20": Ty::num(CUTOFF_RANGE[0], CUTOFF_RANGE[1]),
@@ -68,6 +70,12 @@ lumbre_light::table! {
     beam = "three quarters of cutoff": Ty::num(0.0, CUTOFF_RANGE[1]),
         "half angle in degrees within which a spot light has its full intensity; it falls linearly \
          to zero at `cutoff`";
+    map = "": Ty::Object("string|Texture"),
+        "factor on the intensity of a goniometric light by direction: equirectangular picture with \
+         +y at the top and +z in the middle";
+    rotation = "0": Ty::num(-1e6, 1e6),
+        "rotation of the map of a goniometric light about +y in degrees, counter-clockwise seen \
+         from above";
 }
 
 lumbre_light::table! {

@@ -13,7 +13,7 @@ use lumbre_light::scene::desc::{
 use lumbre_light::value::Value;
 use lumbre_light::value::schema::{SchemaError, Ty, unknown_key, unknown_name};
 
-/// Last component of the path of the environment map.
+/// Last component of the path of a map of directions.
 const MAP: &str = "map";
 
 const COLOR: Ty = Ty::nums(3, 0.0, 1e12);
@@ -22,18 +22,22 @@ const DIRECTION: Ty = Ty::nums(3, -COORDINATE, COORDINATE);
 params! {
     /// Settings of lights without a surface.
     pub const LIGHT_PARAMS: LightKind;
-    "position": POINT, "Position of a point or spot light in scene units.",
+    "position": POINT, "Position of a point, spot or goniometric light in scene units.",
         |light, v| match light {
-            LightKind::Point { position, .. } | LightKind::Spot { position, .. } => {
+            LightKind::Point { position, .. }
+            | LightKind::Spot { position, .. }
+            | LightKind::Goniometric { position, .. } => {
                 *position = vector(v);
             }
             LightKind::Directional { .. } => {}
         };
     "intensity": COLOR,
-        "Radiant intensity of a point light, or of a spot light along its axis: irradiance times \
-         squared distance.",
+        "Radiant intensity of a point light, of a spot light along its axis, or of a goniometric \
+         light where its map is 1: irradiance times squared distance.",
         |light, v| match light {
-            LightKind::Point { intensity, .. } | LightKind::Spot { intensity, .. } => {
+            LightKind::Point { intensity, .. }
+            | LightKind::Spot { intensity, .. }
+            | LightKind::Goniometric { intensity, .. } => {
                 *intensity = vector(v);
             }
             LightKind::Directional { .. } => {}
@@ -45,7 +49,7 @@ params! {
             LightKind::Directional { direction, .. } | LightKind::Spot { direction, .. } => {
                 *direction = vector(v);
             }
-            LightKind::Point { .. } => {}
+            LightKind::Point { .. } | LightKind::Goniometric { .. } => {}
         };
     "irradiance": COLOR, "Irradiance of a directional light on a surface that faces it.",
         |light, v| if let LightKind::Directional { irradiance, .. } = light {
@@ -61,6 +65,16 @@ params! {
         "Angle from the axis in degrees beyond which a spot light emits nothing.",
         |light, v| if let LightKind::Spot { cone, .. } = light {
             cone.cutoff_deg = scalar(v);
+        };
+    "map": Ty::Str,
+        "File of the map of a goniometric light (longitude over latitude), relative to the current \
+         folder: the factor on its intensity by direction.",
+        |_, _| {};
+    "rotation": Ty::num(-1e6, 1e6),
+        "Rotation of the map of a goniometric light about +y in degrees, counter-clockwise seen \
+         from above.",
+        |light, v| if let LightKind::Goniometric { rotation_deg, .. } = light {
+            *rotation_deg = scalar(v);
         };
 }
 
@@ -92,6 +106,7 @@ fn settings(light: &LightDesc) -> impl Iterator<Item = &'static str> {
         LightKind::Point { .. } => &["position", "intensity"],
         LightKind::Directional { .. } => &["direction", "irradiance"],
         LightKind::Spot { .. } => &["position", "direction", "intensity", "beam", "cutoff"],
+        LightKind::Goniometric { .. } => &["position", "intensity", MAP, "rotation"],
     };
     names.iter().copied()
 }
@@ -134,10 +149,14 @@ pub(super) fn set_light(
             LightKind::Point { .. } => "a point light",
             LightKind::Directional { .. } => "a directional light",
             LightKind::Spot { .. } => "a spot light",
+            LightKind::Goniometric { .. } => "a goniometric light",
         };
         return Err(has_no(path, name, what, param, settings(light)));
     }
-    (row.set_checked)(&mut light.kind, value);
+    match &mut light.kind {
+        LightKind::Goniometric { map, .. } if param == MAP => *map = read_map(path, value)?,
+        kind => (row.set_checked)(kind, value),
+    }
     Ok(())
 }
 
@@ -157,7 +176,7 @@ pub(super) fn set_environment(
     };
     row.ty.check(path, param, value)?;
     let source = match param {
-        MAP => Some(EnvironmentSource::Map(map(path, value)?)),
+        MAP => Some(EnvironmentSource::Map(read_map(path, value)?)),
         "color" => Some(EnvironmentSource::Color(vector(value))),
         _ => None,
     };
@@ -178,8 +197,8 @@ pub(super) fn set_environment(
     Ok(())
 }
 
-/// Reads the file of an environment map.
-fn map(path: &str, file: &Value) -> Result<Arc<TextureDesc>, SchemaError> {
+/// Reads the file of a map of directions.
+fn read_map(path: &str, file: &Value) -> Result<Arc<TextureDesc>, SchemaError> {
     let file = Path::new(file.as_str().unwrap_or_default());
     // Notes about the file are reported where a scene names it, not here.
     let read = load::texture(file, &mut Vec::new());
@@ -191,6 +210,7 @@ fn map(path: &str, file: &Value) -> Result<Arc<TextureDesc>, SchemaError> {
 pub(super) fn paths(desc: &SceneDesc) -> Vec<String> {
     let light_paths = |l: &LightDesc| {
         settings(l)
+            .filter(|name| *name != MAP)
             .map(|p| format!("lights.{}.{p}", l.name))
             .collect::<Vec<_>>()
     };

@@ -3,8 +3,14 @@
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 
 use super::{SceneWriter, identifier};
-use lumbre_light::scene::desc::{ConeEdge, EnvironmentSource, LightKind};
+use crate::load::{environment_square, mean_texel};
+use lumbre_light::scene::desc::{ConeEdge, EnvironmentSource, LightKind, TextureDesc};
 use lumbre_light::scene::{Note, SceneError};
+
+/// Returns the mean of a map over all directions.
+fn mean_of_directions(map: &TextureDesc) -> Vec3 {
+    mean_texel(&environment_square(map, 0.0), true)
+}
 
 impl SceneWriter<'_> {
     /// Writes the lights without a surface.
@@ -48,6 +54,20 @@ impl SceneWriter<'_> {
                             "the falloff of the cone is linear in the angle in Mitsuba",
                         ));
                     }
+                }
+                LightKind::Goniometric {
+                    position,
+                    intensity,
+                    ref map,
+                    ..
+                } => {
+                    xml.open("emitter", &[("type", "point"), ("id", &id)]);
+                    xml.vector("point", "position", position);
+                    xml.rgb("intensity", intensity * mean_of_directions(map));
+                    let place = format!("lights.{}", light.name);
+                    let message = "Mitsuba has no goniometric light; a point light of the same \
+                                   power is written";
+                    self.notes.push(Note::new("", &place, message));
                 }
                 LightKind::Directional {
                     direction,

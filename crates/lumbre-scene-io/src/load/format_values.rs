@@ -57,8 +57,11 @@ fn the_power_of_a_pbrt_spot_light_is_the_integral_of_its_intensity() {
     let world = "LightSource \"spot\" \"float coneangle\" 60 \"float conedeltaangle\" 60 \
                  \"float power\" 10\n";
     let desc = read(&[("a.pbrt", format!("{PBRT_VIEW}{world}").as_bytes())]);
-    let [LightKind::Spot { intensity, .. }] =
-        desc.lights.iter().map(|l| l.kind).collect::<Vec<_>>()[..]
+    let [LightKind::Spot { intensity, .. }] = desc
+        .lights
+        .iter()
+        .map(|l| l.kind.clone())
+        .collect::<Vec<_>>()[..]
     else {
         panic!("a spot light expected")
     };

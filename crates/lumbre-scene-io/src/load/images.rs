@@ -419,7 +419,7 @@ fn into_texels<C: bytemuck::Pod>(channels: Vec<C>) -> Vec<[C; 4]> {
 
 /// Returns the mean of the linear texels of an image. Those of 8 bits are decoded from sRGB if they are
 /// `of_color`.
-pub(super) fn mean_texel(image: &TextureDesc, of_color: bool) -> Vec3 {
+pub(crate) fn mean_texel(image: &TextureDesc, of_color: bool) -> Vec3 {
     let mut sum = [0.0f64; 3];
     let mut add = |texel: [f32; 3]| {
         sum.iter_mut()

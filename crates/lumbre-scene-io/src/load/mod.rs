@@ -29,6 +29,7 @@ mod unknown;
 
 use beside::beside;
 pub use images::load as texture;
+pub(crate) use images::mean_texel;
 pub(crate) use pbrt::environment_square;
 pub(crate) use reading::{canonical, open, read_file, unreadable, with_lenient_hint};
 pub use row::{FormatRow, Loader, MissingTextures, SupportedElement, Variables, VariablesLoader};

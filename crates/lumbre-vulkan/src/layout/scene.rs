@@ -281,7 +281,7 @@ super::gpu_structs! {
         root: u32,
     }
 
-    /// Point light that shines in all directions or into a cone.
+    /// Point light that shines in all directions, into a cone, or as a map states.
     pub struct PointLight {
         /// Position in world space.
         position: [f32; 3],
@@ -300,6 +300,10 @@ super::gpu_structs! {
         /// 1 if the intensity falls off with the square of a term linear in the cosine, 0 if
         /// linearly with the angle.
         is_smooth: u32,
+        /// Texture that multiplies the intensity by direction, or NONE.
+        map: u32,
+        /// Sine and cosine of the rotation of the map about +y.
+        turn: [f32; 2],
     }
 
     /// Directional light from infinity.

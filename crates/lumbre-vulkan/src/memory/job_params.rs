@@ -115,7 +115,7 @@ fn light_params(
             NONE
         },
         environment_radiance: environment.map_or([0.0; 3], |s| s.radiance.into()),
-        environment_turn: map.map_or([0.0, 1.0], |m| m.turn),
+        environment_turn: map.map_or([0.0, 1.0], |m| m.directions.turn),
         ..params
     }
 }

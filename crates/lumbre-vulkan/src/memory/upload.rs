@@ -249,6 +249,7 @@ fn emitter(e: &compile::Emitter) -> layout::Emitter {
 }
 
 fn point_light(p: &compile::PointLight) -> layout::PointLight {
+    let (sin, cos) = p.map.map_or(0.0, |map| map.rotation_rad).sin_cos();
     layout::PointLight {
         position: p.position.into(),
         intensity: p.intensity.into(),
@@ -258,6 +259,8 @@ fn point_light(p: &compile::PointLight) -> layout::PointLight {
         beam_height: p.cone.beam_height,
         cutoff_height: p.cone.cutoff_height,
         is_smooth: u32::from(p.cone.smooth),
+        map: p.map.map_or(NONE, |map| map.texture),
+        turn: [sin, cos],
     }
 }
 
@@ -385,7 +388,7 @@ fn environment_tables(lights: &Lights) -> (Vec<EnvironmentRow>, Vec<f32>) {
     else {
         return (Vec::new(), Vec::new());
     };
-    let columns = f64::from(map.texture.width);
+    let columns = f64::from(map.directions.texture.width);
     let row = |(marginal, edges): (&f32, &[f64])| {
         let (upper, lower) = (edges[0], edges[1]);
         EnvironmentRow {

@@ -91,7 +91,8 @@ pub fn compile_sharing(
 
 /// Returns the compiled scene before any surface is added.
 fn without_surfaces(desc: &SceneDesc, notes: &mut Vec<Note>) -> Result<CompiledScene, SceneError> {
-    let (materials, textures, delays) = materials::compile(desc, notes)?;
+    let (materials, mut textures, delays) = materials::compile(desc, notes)?;
+    let lights = lights::compile(desc, &mut textures, notes)?;
     let mut scene = CompiledScene {
         content_hash: content_hash(desc),
         materials,
@@ -100,7 +101,7 @@ fn without_surfaces(desc: &SceneDesc, notes: &mut Vec<Note>) -> Result<CompiledS
         resolution: desc.resolution,
         max_depth: desc.max_depth,
         origin: bounds::origin(desc),
-        ..lights::compile(desc, notes)?
+        ..lights
     };
     scene.camera = scene.placed_camera(&desc.camera, notes)?;
     for i in 0..scene.points.len() {

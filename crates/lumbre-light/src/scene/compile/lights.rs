@@ -1,5 +1,7 @@
-//! Compiled lights without a surface: point, spot and directional lights, and the environment.
+//! Compiled lights without a surface: point, spot, goniometric and directional lights, and the
+//! environment.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::Vec3;
@@ -12,7 +14,7 @@ use crate::scene::desc::{
 };
 use crate::scene::{Note, SceneError};
 
-/// A point or spot light.
+/// A point, spot or goniometric light.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PointLight {
     /// Position in world space.
@@ -21,6 +23,18 @@ pub struct PointLight {
     pub intensity: Vec3,
     /// Directions into which it emits.
     pub cone: Cone,
+    /// Factor on the intensity by direction; only with [`Cone::WHOLE`].
+    pub map: Option<IntensityMap>,
+}
+
+/// Factor on the intensity of a point light by direction of emission, given by an image.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct IntensityMap {
+    /// Index into [`CompiledScene::textures`] of an equirectangular map with finite texels of at
+    /// least 0, not black everywhere. Its orientation is that of [`EnvironmentDesc`].
+    pub texture: u32,
+    /// Rotation of the map about +y in radians, counter-clockwise seen from above.
+    pub rotation_rad: f32,
 }
 
 /// Directions into which a point emits. Angles are stored as heights, one minus the cosine with the
@@ -115,26 +129,33 @@ pub(super) fn count(scene: &CompiledScene) -> usize {
 }
 
 /// Checks the lights of a description and returns a scene that contains these alone, by type; black
-/// ones are left out with a [`Note`].
+/// ones are left out with a [`Note`]. Maps of goniometric lights are appended to `textures`.
 ///
 /// # Errors
 /// Fails for a light with a value that is not finite, negative or out of range, or a direction of
 /// length zero.
 pub(super) fn compile(
     desc: &SceneDesc,
+    textures: &mut Vec<Texture>,
     notes: &mut Vec<Note>,
 ) -> Result<CompiledScene, SceneError> {
+    let mut maps = IntensityMaps {
+        textures,
+        index: BTreeMap::new(),
+    };
     let mut compiled = CompiledScene::default();
     for light in &desc.lights {
         let place = format!("lights.{}", light.name);
-        let mut add_point = |position, intensity, cone| {
-            point_light(position, intensity, cone).map(|light| compiled.points.push(light))
+        let mut add_point = |position, intensity, cone, map| {
+            let light = point_light(position, intensity, cone)?;
+            compiled.points.push(PointLight { map, ..light });
+            Ok(())
         };
         let (color, result) = match light.kind {
             LightKind::Point {
                 position,
                 intensity,
-            } => (intensity, add_point(position, intensity, None)),
+            } => (intensity, add_point(position, intensity, None, None)),
             LightKind::Spot {
                 position,
                 direction,
@@ -142,8 +163,23 @@ pub(super) fn compile(
                 cone,
             } => (
                 intensity,
-                add_point(position, intensity, Some((direction, cone))),
+                add_point(position, intensity, Some((direction, cone)), None),
             ),
+            LightKind::Goniometric {
+                position,
+                intensity,
+                ref map,
+                rotation_deg,
+            } => {
+                let map = maps.add(map, notes).map(|texture| IntensityMap {
+                    texture,
+                    rotation_rad: radians(rotation_deg),
+                });
+                let intensity = if map.is_some() { intensity } else { Vec3::ZERO };
+                let result = check_rotation(rotation_deg)
+                    .and_then(|()| add_point(position, intensity, None, map));
+                (intensity, result)
+            }
             LightKind::Directional {
                 direction,
                 irradiance,
@@ -209,7 +245,31 @@ fn point_light(
         position,
         intensity,
         cone,
+        map: None,
     })
+}
+
+/// Textures of a scene, to which the maps of goniometric lights are added, each once.
+struct IntensityMaps<'a> {
+    textures: &'a mut Vec<Texture>,
+    /// Index of a map by its content hash; `None` if it is black everywhere.
+    index: BTreeMap<[u8; 32], Option<u32>>,
+}
+
+impl IntensityMaps<'_> {
+    /// Returns the index of a map's texture; `None` if it is black everywhere.
+    fn add(&mut self, desc: &TextureDesc, notes: &mut Vec<Note>) -> Option<u32> {
+        if let Some(known) = self.index.get(&desc.content_hash) {
+            return *known;
+        }
+        let map = decode_map(desc, notes);
+        let index = (!is_black(&map)).then(|| {
+            self.textures.push(map);
+            self.textures.len() as u32 - 1
+        });
+        self.index.insert(desc.content_hash, index);
+        index
+    }
 }
 
 /// Returns a compiled directional light.
@@ -243,12 +303,7 @@ fn compile_environment(
             format!("expected a number of 0 or more, found {}", desc.scale),
         ));
     }
-    if !desc.rotation_deg.is_finite() {
-        return Err(fail(
-            "rotation",
-            format!("expected an angle in degrees, found {}", desc.rotation_deg),
-        ));
-    }
+    check_rotation(desc.rotation_deg).map_err(|problem| fail("rotation", problem))?;
     let (map, color) = match &desc.source {
         EnvironmentSource::Color(color) => {
             check_color("color", *color).map_err(|problem| fail("color", problem))?;
@@ -256,11 +311,12 @@ fn compile_environment(
         }
         EnvironmentSource::Map(texture) => {
             let map = decode_map(texture, notes);
-            let black = map.texels.iter().all(|texel| texel == [0.0; 3]);
-            (
-                Some(Arc::new(map)),
-                if black { Vec3::ZERO } else { Vec3::ONE },
-            )
+            let factor = if is_black(&map) {
+                Vec3::ZERO
+            } else {
+                Vec3::ONE
+            };
+            (Some(Arc::new(map)), factor)
         }
     };
     let radiance = color * desc.scale;
@@ -278,16 +334,33 @@ fn compile_environment(
         ));
         return Ok(None);
     }
-    let rotation_rad = f64::from(desc.rotation_deg).rem_euclid(360.0).to_radians() as f32;
     Ok(Some(Environment {
         map,
         radiance,
-        rotation_rad,
+        rotation_rad: radians(desc.rotation_deg),
         sampling: desc.sampling,
     }))
 }
 
-/// Decodes an environment map, with a note if it has invalid values.
+/// Checks the rotation of a map.
+fn check_rotation(degrees: f32) -> Result<(), String> {
+    if degrees.is_finite() {
+        return Ok(());
+    }
+    Err(format!("expected an angle in degrees, found {degrees}"))
+}
+
+/// Returns an angle of any number of degrees in radians, at least 0 and below one turn.
+fn radians(degrees: f32) -> f32 {
+    f64::from(degrees).rem_euclid(360.0).to_radians() as f32
+}
+
+/// Returns whether all texels of a map are black.
+fn is_black(map: &Texture) -> bool {
+    map.texels.iter().all(|texel| texel == [0.0; 3])
+}
+
+/// Decodes a map of directions, with a note if it has invalid values.
 fn decode_map(texture: &TextureDesc, notes: &mut Vec<Note>) -> Texture {
     let mut map = Texture::decode(texture, true);
     let repaired = repair(&mut map);
@@ -350,16 +423,29 @@ mod tests {
         }
     }
 
-    fn map(texels: Vec<[f32; 4]>) -> EnvironmentSource {
+    fn compile_lights(
+        desc: &SceneDesc,
+        notes: &mut Vec<Note>,
+    ) -> Result<CompiledScene, SceneError> {
+        let mut textures = Vec::new();
+        let lights = compile(desc, &mut textures, notes)?;
+        Ok(CompiledScene { textures, ..lights })
+    }
+
+    fn image(texels: Vec<[f32; 4]>) -> Arc<TextureDesc> {
         let (width, texels) = (texels.len() as u32, Texels::RgbaF32(texels));
         let content_hash = texture_hash(width, 1, &texels);
-        EnvironmentSource::Map(Arc::new(TextureDesc {
+        Arc::new(TextureDesc {
             file: "m.hdr".into(),
             width,
             height: 1,
             texels,
             content_hash,
-        }))
+        })
+    }
+
+    fn map(texels: Vec<[f32; 4]>) -> EnvironmentSource {
+        EnvironmentSource::Map(image(texels))
     }
 
     #[test]
@@ -377,11 +463,44 @@ mod tests {
             intensity: Vec3::ZERO,
         };
         let mut notes = Vec::new();
-        let c = compile(&scene(vec![sun, dark, point], None), &mut notes).unwrap();
+        let c = compile_lights(&scene(vec![sun, dark, point], None), &mut notes).unwrap();
         assert_eq!((c.points.len(), c.directionals.len()), (1, 1));
         assert_eq!(c.directionals[0].direction, Vec3::NEG_Y);
         assert_eq!(notes.len(), 1);
         assert!(notes[0].place == "lights.l1" && notes[0].message.contains("black"));
+    }
+
+    #[test]
+    fn goniometric_lights_are_point_lights_that_share_equal_maps() {
+        let light = |texel: f32, rotation_deg| LightKind::Goniometric {
+            position: Vec3::X,
+            intensity: Vec3::ONE,
+            map: image(vec![[texel, f32::NAN, 0.5, 1.0]]),
+            rotation_deg,
+        };
+        let mut notes = Vec::new();
+        let lights = vec![light(2.0, 0.0), light(2.0, -90.0), light(3.0, 0.0)];
+        let c = compile_lights(&scene(lights, None), &mut notes).unwrap();
+        let map = |i: usize| c.points[i].map.unwrap();
+        assert_eq!([0, 1, 2].map(|i| map(i).texture), [0, 0, 1]);
+        assert_eq!(c.textures.len(), 2);
+        assert!((map(1).rotation_rad - 270f32.to_radians()).abs() < 1e-6);
+        assert_eq!(c.textures[0].texels.at(0), [2.0, 0.0, 0.5]);
+        assert!(notes.len() == 2 && notes[0].message.contains("count as black"));
+
+        let black = LightKind::Goniometric {
+            position: Vec3::X,
+            intensity: Vec3::ONE,
+            map: image(vec![[0.0; 4]]),
+            rotation_deg: 0.0,
+        };
+        let mut notes = Vec::new();
+        let c = compile_lights(&scene(vec![black], None), &mut notes).unwrap();
+        assert!(c.points.is_empty() && c.textures.is_empty());
+        assert!(notes.len() == 1 && notes[0].message.contains("black"));
+        let bad = scene(vec![light(1.0, f32::NAN)], None);
+        let e = compile_lights(&bad, &mut Vec::new()).err().unwrap();
+        assert!(e.to_string().contains("an angle"), "{e}");
     }
 
     #[test]
@@ -405,7 +524,7 @@ mod tests {
             },
         ];
         for kind in bad {
-            let e = compile(&scene(vec![kind], None), &mut Vec::new())
+            let e = compile_lights(&scene(vec![kind], None), &mut Vec::new())
                 .err()
                 .unwrap()
                 .to_string();
@@ -417,7 +536,7 @@ mod tests {
                 scale,
                 ..EnvironmentDesc::new(EnvironmentSource::Color(Vec3::ONE))
             };
-            assert!(compile(&scene(vec![], Some(e)), &mut Vec::new()).is_err());
+            assert!(compile_lights(&scene(vec![], Some(e)), &mut Vec::new()).is_err());
         }
     }
 
@@ -438,7 +557,7 @@ mod tests {
         for e in black {
             let mut notes = Vec::new();
             assert!(
-                compile(&scene(vec![], e), &mut notes)
+                compile_lights(&scene(vec![], e), &mut notes)
                     .unwrap()
                     .environment
                     .is_none()
@@ -447,7 +566,7 @@ mod tests {
         }
         let mut notes = Vec::new();
         let e = env(map(vec![[2.0, f32::NAN, -1.0, 1.0], [1.0; 4]]), 3.0);
-        let e = compile(&scene(vec![], e), &mut notes)
+        let e = compile_lights(&scene(vec![], e), &mut notes)
             .unwrap()
             .environment
             .unwrap();

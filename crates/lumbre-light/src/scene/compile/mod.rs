@@ -26,7 +26,7 @@ pub use delays::{Blend, DelayParam, DelayProfile, Delays, MaterialComponent};
 pub use entities::Entities;
 pub use flatten::{MAX_PRIMITIVES, compile, compile_camera, compile_sharing};
 pub use instance::{Instance, Instances, MAX_FLATTENED_PRIMITIVES, SharedMesh};
-pub use lights::{Cone, DirectionalLight, Environment, PointLight};
+pub use lights::{Cone, DirectionalLight, Environment, IntensityMap, PointLight};
 pub use memory::SceneMemory;
 pub use texels::srgb_to_linear;
 pub use texels::{Curve, LinearTexels};
@@ -73,13 +73,13 @@ pub struct CompiledScene {
     pub materials: Vec<Material>,
     /// Components and temporal profiles of the materials.
     pub delays: Delays,
-    /// Textures, indexed by materials.
+    /// Textures, indexed by materials and by the maps of point lights.
     #[serde(with = "shared_texels")]
     pub textures: Vec<Texture>,
     /// Emissive primitives: world-space triangles in order of id, then those of each instance in
     /// turn, then spheres.
     pub emitters: Vec<Emitter>,
-    /// Point and spot lights.
+    /// Point, spot and goniometric lights.
     pub points: Vec<PointLight>,
     /// Directional lights, infinitely far away.
     pub directionals: Vec<DirectionalLight>,

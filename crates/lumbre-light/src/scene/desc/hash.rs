@@ -96,10 +96,10 @@ fn hash_projection(h: &mut Hasher, camera: &CameraDesc) {
 fn hash_lights(h: &mut Hasher, desc: &SceneDesc) {
     int(h, desc.lights.len() as u64);
     for light in &desc.lights {
-        let (tag, numbers, edge) = light.kind.content();
+        let (tag, numbers, words) = light.kind.content();
         int(h, tag);
         numbers.iter().for_each(|x| float(h, *x));
-        edge.iter().for_each(|edge| int(h, *edge));
+        words.iter().for_each(|word| int(h, *word));
     }
     let Some(environment) = &desc.environment else {
         return int(h, 0);
@@ -279,7 +279,9 @@ fn vec3(h: &mut Hasher, v: Vec3) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::desc::{CAMERA_KINDS, CameraDesc, EnvironmentDesc, LightDesc, LightKind};
+    use crate::scene::desc::{
+        CAMERA_KINDS, CameraDesc, EnvironmentDesc, LightDesc, LightKind, TextureDesc,
+    };
     use std::path::PathBuf;
     use std::sync::Arc;
 
@@ -338,6 +340,9 @@ mod tests {
 
     #[test]
     fn every_value_of_lights_and_environment_affects_the_hash_but_no_name() {
+        fn grey(x: f32) -> Arc<TextureDesc> {
+            Arc::new(TextureDesc::new("m", 1, 1, Texels::RgbaF32(vec![[x; 4]])))
+        }
         let lit = || {
             let mut s = scene();
             let sun = LightKind::Directional {
@@ -348,7 +353,13 @@ mod tests {
                 position: Vec3::X,
                 intensity: Vec3::Y,
             };
-            s.lights = [sun, point]
+            let goniometric = LightKind::Goniometric {
+                position: Vec3::X,
+                intensity: Vec3::Y,
+                map: grey(0.5),
+                rotation_deg: 0.0,
+            };
+            s.lights = [sun, point, goniometric]
                 .map(|kind| LightDesc {
                     name: "l".to_owned(),
                     kind,
@@ -358,7 +369,7 @@ mod tests {
             s.environment = Some(EnvironmentDesc::new(source));
             s
         };
-        let changes: [fn(&mut SceneDesc); 9] = [
+        let changes: [fn(&mut SceneDesc); 11] = [
             |s| {
                 s.environment.as_mut().unwrap().sampling = EnvironmentSampling::Uniform;
             },
@@ -378,6 +389,16 @@ mod tests {
                 s.lights[1].kind = LightKind::Point {
                     position: Vec3::X,
                     intensity: Vec3::Z,
+                }
+            },
+            |s| {
+                if let LightKind::Goniometric { map, .. } = &mut s.lights[2].kind {
+                    *map = grey(0.25);
+                }
+            },
+            |s| {
+                if let LightKind::Goniometric { rotation_deg, .. } = &mut s.lights[2].kind {
+                    *rotation_deg = 5.0;
                 }
             },
             |s| s.lights.truncate(1),

@@ -1,4 +1,4 @@
-//! Lights without a surface: point, spot and directional lights, and the environment.
+//! Lights without a surface: point, spot, goniometric and directional lights, and the environment.
 
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ pub struct LightDesc {
 }
 
 /// Type and parameters of a light without a surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum LightKind {
     /// Emits equally in all directions from one point.
     Point {
@@ -38,6 +38,18 @@ pub enum LightKind {
         /// Falloff from the axis.
         cone: ConeDesc,
     },
+    /// Emits from one point, with an intensity by direction that an image gives.
+    Goniometric {
+        /// Position in scene units.
+        position: Vec3,
+        /// Radiant intensity where the map is 1.
+        intensity: Vec3,
+        /// Factor on the intensity by direction of emission, at least 0. Equirectangular, with the
+        /// orientation of the map of an [`EnvironmentDesc`]; eight-bit maps are decoded from sRGB.
+        map: Arc<TextureDesc>,
+        /// Rotation of the map about +y, in degrees, counter-clockwise seen from above.
+        rotation_deg: f32,
+    },
     /// Emits in one direction from infinitely far away.
     Directional {
         /// Direction in which the light travels; any non-zero length.
@@ -48,19 +60,19 @@ pub enum LightKind {
 }
 
 impl LightKind {
-    /// Returns the content for hashes: the tag of the kind, its numbers, and the edge of a cone. A
-    /// tag is never used for another kind.
-    pub(super) fn content(&self) -> (u64, Vec<f32>, Option<u64>) {
+    /// Returns the content for hashes: the tag of the kind, its numbers, and the words of the edge
+    /// of a cone or of the hash of a map. A tag is never used for another kind.
+    pub(super) fn content(&self) -> (u64, Vec<f32>, Vec<u64>) {
         let numbers = |vectors: &[Vec3]| vectors.iter().flat_map(Vec3::to_array).collect();
         match *self {
             LightKind::Point {
                 position,
                 intensity,
-            } => (0, numbers(&[position, intensity]), None),
+            } => (0, numbers(&[position, intensity]), Vec::new()),
             LightKind::Directional {
                 direction,
                 irradiance,
-            } => (1, numbers(&[direction, irradiance]), None),
+            } => (1, numbers(&[direction, irradiance]), Vec::new()),
             LightKind::Spot {
                 position,
                 direction,
@@ -69,7 +81,19 @@ impl LightKind {
             } => {
                 let mut all: Vec<f32> = numbers(&[position, intensity, direction]);
                 all.extend([cone.beam_deg, cone.cutoff_deg]);
-                (2, all, Some(cone.edge as u64))
+                (2, all, vec![cone.edge as u64])
+            }
+            LightKind::Goniometric {
+                position,
+                intensity,
+                ref map,
+                rotation_deg,
+            } => {
+                let mut all: Vec<f32> = numbers(&[position, intensity]);
+                all.push(rotation_deg);
+                let (words, _) = map.content_hash.as_chunks::<8>();
+                let words = words.iter().map(|bytes| u64::from_le_bytes(*bytes));
+                (3, all, words.collect())
             }
         }
     }

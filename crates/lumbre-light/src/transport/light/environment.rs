@@ -31,16 +31,22 @@ pub struct EnvironmentLight {
     power: f64,
 }
 
+/// An equirectangular map of all directions.
+#[derive(Clone, Debug)]
+pub struct DirectionMap {
+    pub texture: Arc<Texture>,
+    /// Sine and cosine of the rotation about the vertical axis.
+    pub turn: [f32; 2],
+}
+
 /// An equirectangular map with its sampling distribution.
 #[derive(Clone, Debug)]
 pub struct EnvironmentMap {
-    pub texture: Arc<Texture>,
+    pub directions: DirectionMap,
     pub grid: Grid,
     /// Cosine of the polar angle at the upper edge of every row, and at the lower edge of the last
     /// one.
     pub row_cos: Vec<f64>,
-    /// Sine and cosine of the rotation about the vertical axis.
-    pub turn: [f32; 2],
 }
 
 impl EnvironmentLight {
@@ -55,31 +61,20 @@ impl EnvironmentLight {
                 power,
             });
         };
-        let (width, height) = (texture.width as usize, texture.height as usize);
-        let row_cos: Vec<f64> = (0..=height)
-            .map(|y| (std::f64::consts::PI * y as f64 / height as f64).cos())
-            .collect();
-        let mut weights = cell_means(texture, radiance);
-        let mut power = 0.0;
-        for (row, edges) in weights.chunks_exact_mut(width).zip(row_cos.windows(2)) {
-            let solid_angle = std::f64::consts::TAU * (edges[0] - edges[1]) / width as f64;
-            for w in row {
-                *w *= solid_angle;
-                power += *w;
-            }
-        }
+        let width = texture.width as usize;
+        let row_cos = row_cosines(texture);
+        let mut weights = cell_integrals(texture, radiance, &row_cos);
+        let power = weights.iter().sum();
         if environment.sampling == EnvironmentSampling::Uniform && power > 0.0 {
             for (row, edges) in weights.chunks_exact_mut(width).zip(row_cos.windows(2)) {
                 row.fill(edges[0] - edges[1]);
             }
         }
         let grid = Grid::new(width, &weights)?;
-        let (sin, cos) = environment.rotation_rad.sin_cos();
         let map = EnvironmentMap {
-            texture: Arc::clone(texture),
+            directions: DirectionMap::new(Arc::clone(texture), environment.rotation_rad),
             grid,
             row_cos,
-            turn: [sin, cos],
         };
         Some(EnvironmentLight {
             radiance,
@@ -101,7 +96,7 @@ impl EnvironmentLight {
             None => radiance,
             Some(map) => {
                 let colors = map_vectors::<R, N, 3>(dir, wanted, |_, dir| {
-                    map.bilinear(map.coordinates(dir)).to_array()
+                    map.directions.color(dir).to_array()
                 });
                 radiance * R::Vec3::new(colors[0], colors[1], colors[2])
             }
@@ -136,7 +131,22 @@ impl EnvironmentLight {
     }
 }
 
-impl EnvironmentMap {
+impl DirectionMap {
+    /// Creates a map that is turned by an angle in radians.
+    pub fn new(texture: Arc<Texture>, rotation_rad: f32) -> DirectionMap {
+        let (sin, cos) = rotation_rad.sin_cos();
+        DirectionMap {
+            texture,
+            turn: [sin, cos],
+        }
+    }
+
+    /// Returns the colour in a unit direction.
+    #[inline(always)]
+    pub fn color(&self, dir: Vec3) -> Vec3 {
+        self.bilinear(self.coordinates(dir))
+    }
+
     /// Returns column and row of a direction as fractions of width and height, both in 0..=1.
     #[inline]
     fn coordinates(&self, dir: Vec3) -> [f32; 2] {
@@ -174,18 +184,26 @@ impl EnvironmentMap {
             .lerp(at(0, 1).lerp(at(1, 1), fx), fy)
     }
 
+    /// Returns the luminance of the map times a factor, integrated over all directions.
+    pub fn power(&self, factor: Vec3) -> f64 {
+        let row_cos = row_cosines(&self.texture);
+        cell_integrals(&self.texture, factor, &row_cos).iter().sum()
+    }
+}
+
+impl EnvironmentMap {
     /// Samples a direction, with its density per solid angle.
     fn sample(&self, u: [f32; 2]) -> (Vec3, f32) {
         let s = self.grid.sample(u);
         let [x, y] = s.cell;
-        let phi = TAU * ((x as f32 + s.inside[0]) / self.texture.width as f32);
+        let phi = TAU * ((x as f32 + s.inside[0]) / self.directions.texture.width as f32);
         let (sin_phi, cos_phi) = phi.sin_cos();
         let (upper, lower) = (self.row_cos[y], self.row_cos[y + 1]);
         // In double precision: near a pole the sine is the root of a small difference from one.
         let cos = upper + (lower - upper) * f64::from(s.inside[1]);
         let sin = ((1.0 - cos) * (1.0 + cos)).max(0.0).sqrt() as f32;
         let (px, pz) = (sin * sin_phi, -sin * cos_phi);
-        let [turn_sin, turn_cos] = self.turn;
+        let [turn_sin, turn_cos] = self.directions.turn;
         let dir = Vec3::new(
             px * turn_cos + pz * turn_sin,
             cos as f32,
@@ -197,8 +215,9 @@ impl EnvironmentMap {
     /// Returns the density per solid angle with which [`EnvironmentMap::sample`] samples a
     /// direction.
     fn pdf_w(&self, dir: Vec3) -> f32 {
-        let [u, v] = self.coordinates(dir);
-        let (width, height) = (self.texture.width, self.texture.height);
+        let [u, v] = self.directions.coordinates(dir);
+        let texture = &self.directions.texture;
+        let (width, height) = (texture.width, texture.height);
         let x = ((u * width as f32) as usize).min(width as usize - 1);
         let y = ((v * height as f32) as usize).min(height as usize - 1);
         self.density(self.grid.probability(x, y), y)
@@ -208,8 +227,29 @@ impl EnvironmentMap {
     #[inline]
     fn density(&self, probability: f32, y: usize) -> f32 {
         let band = std::f64::consts::TAU * (self.row_cos[y] - self.row_cos[y + 1]);
-        (f64::from(probability) * f64::from(self.texture.width) / band) as f32
+        (f64::from(probability) * f64::from(self.directions.texture.width) / band) as f32
     }
+}
+
+/// Returns the cosine of the polar angle at the upper edge of every row of a map, and at the lower
+/// edge of the last one.
+fn row_cosines(texture: &Texture) -> Vec<f64> {
+    let height = f64::from(texture.height);
+    (0..=texture.height)
+        .map(|y| (std::f64::consts::PI * f64::from(y) / height).cos())
+        .collect()
+}
+
+/// Computes the luminance of the interpolated map times a factor, integrated over every texel's
+/// cell.
+fn cell_integrals(texture: &Texture, factor: Vec3, row_cos: &[f64]) -> Vec<f64> {
+    let width = texture.width as usize;
+    let mut cells = cell_means(texture, factor);
+    for (row, edges) in cells.chunks_exact_mut(width).zip(row_cos.windows(2)) {
+        let solid_angle = std::f64::consts::TAU * (edges[0] - edges[1]) / width as f64;
+        row.iter_mut().for_each(|cell| *cell *= solid_angle);
+    }
+    cells
 }
 
 /// Computes the mean luminance of the interpolated map over every texel's cell: an eighth of the

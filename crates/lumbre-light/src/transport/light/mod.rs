@@ -16,7 +16,7 @@
 //! | triangle | uniform over its area | uniform over its area, cosine about its normal |
 //! | sphere | uniform over the subtended cone; none from inside | same as for a triangle |
 //! | point | certain | `pdf_a`: probability of the choice; `pdf_w`: uniform over all directions, |
-//! | | | 1 / (4 pi), or uniform over the cone of a spot |
+//! | | | 1 / (4 pi), also with a map, or uniform over the cone of a spot |
 //! | direction | certain | uniform over a disk that covers the scene; `pdf_w` is 1 |
 //! | environment | its brightness times solid angle | the same, then uniform over a disk |
 //!
@@ -65,7 +65,7 @@ use std::ops::Range;
 use glam::Vec3;
 
 use self::bounds::BoundingSphere;
-use self::environment::EnvironmentLight;
+use self::environment::{DirectionMap, EnvironmentLight};
 use self::table::{LISTS, LightRows};
 use crate::math::distribution::AliasTable;
 use crate::math::real::{Real, Vector};
@@ -93,6 +93,8 @@ pub struct Lights {
     pub first: [u32; LISTS],
     /// Environment light with its distribution, if the scene has one.
     pub environment_light: Option<EnvironmentLight>,
+    /// Map of each point light; `None` for one without a map.
+    point_maps: Vec<Option<DirectionMap>>,
     /// Bounding sphere of the scene.
     pub ball: BoundingSphere,
     total_area: f64,

@@ -1,15 +1,19 @@
-//! Point lights: with the same intensity in every direction, or with the intensity of a spot
-//! light's cone.
+//! Point lights: with the same intensity in every direction, with the intensity of a spot light's
+//! cone, or with that of a goniometric light's map.
 
 use std::f32::consts::{PI, TAU};
+use std::sync::Arc;
 
-use super::SelectedLights;
+use glam::Vec3;
+
+use super::environment::DirectionMap;
 use super::source::{EmittingLanes, LightFacts, LightSource, PowerContext};
 use super::table::light_rows;
 use super::tree::LightBounds;
+use super::{Lights, SelectedLights};
 use crate::math::luminance::luminance_of;
 use crate::math::real::{Mask, Real, Vector};
-use crate::math::simd::Lanes;
+use crate::math::simd::{Lanes, map_vectors};
 use crate::math::{Frame, warp};
 use crate::scene::CompiledScene;
 use crate::scene::compile::PointLight;
@@ -86,18 +90,54 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Cones<R> {
     }
 }
 
+/// Flags of a point light with a map.
+const MAPPED: f32 = 2.0;
+
+/// Returns the map of a point light, if it has one.
+pub(super) fn direction_map(light: &PointLight, scene: &CompiledScene) -> Option<DirectionMap> {
+    let map = light.map?;
+    let texture = scene.textures.get(map.texture as usize)?;
+    Some(DirectionMap::new(
+        Arc::new(texture.clone()),
+        map.rotation_rad,
+    ))
+}
+
+impl Lights {
+    /// Returns the factor on the intensity of the point light with this index in a unit direction.
+    fn point_map_color(&self, index: u32, dir: Vec3) -> [f32; 3] {
+        let own = (index - self.first[0]) as usize;
+        let map = self.point_maps.get(own).and_then(Option::as_ref);
+        map.map_or([1.0; 3], |map| map.color(dir).to_array())
+    }
+}
+
 impl LightSource for PointLight {
-    fn facts(&self, _: &CompiledScene, _: &PowerContext) -> LightFacts {
+    fn facts(&self, scene: &CompiledScene, _: &PowerContext) -> LightFacts {
         let (p, axis, cone) = (self.position, self.cone.axis, &self.cone);
         let heights = [cone.beam_height, cone.cutoff_height];
         let first = [
             p.x, p.y, p.z, axis.x, axis.y, axis.z, heights[0], heights[1],
         ];
-        let end = [f32::from(u8::from(cone.smooth)), 0.0];
-        let falloff = 4.0 * std::f64::consts::PI * cone.mean_falloff();
+        let flags = match self.map {
+            None => f32::from(u8::from(cone.smooth)),
+            Some(_) => MAPPED,
+        };
+        let power = match direction_map(self, scene) {
+            None => {
+                let falloff = 4.0 * std::f64::consts::PI * cone.mean_falloff();
+                falloff * luminance_of(self.intensity)
+            }
+            Some(map) => map.power(self.intensity),
+        };
         LightFacts {
-            rows: light_rows(first, [cone.beam, cone.cutoff], self.intensity, end),
-            power: falloff * luminance_of(self.intensity),
+            rows: light_rows(
+                first,
+                [cone.beam, cone.cutoff],
+                self.intensity,
+                [flags, 0.0],
+            ),
+            power,
             bounds: Some(LightBounds::point(p, cone, 0.0)),
         }
     }
@@ -117,8 +157,16 @@ impl<R: Lanes<N>, const N: usize> EmittingLanes<R, N> for PointLight {
     }
 
     #[inline(always)]
-    fn emitted(lights: &SelectedLights<R, N>, dir: R::Vec3, _: R::Mask) -> R::Vec3 {
-        lights.radiance() * lights.cones().falloff(dir)
+    fn emitted(lights: &SelectedLights<R, N>, dir: R::Vec3, lanes: R::Mask) -> R::Vec3 {
+        let intensity = lights.radiance() * lights.cones().falloff(dir);
+        let mapped = lanes & lights.flags().eq(R::splat(MAPPED));
+        if !mapped.any() {
+            return intensity;
+        }
+        let [r, g, b] = map_vectors::<R, N, 3>(dir, mapped, |lane, dir| {
+            lights.lights.point_map_color(lights.indices[lane], dir)
+        });
+        R::Vec3::select(mapped, intensity * R::Vec3::new(r, g, b), intensity)
     }
 }
 

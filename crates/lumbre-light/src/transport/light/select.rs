@@ -6,7 +6,7 @@ use super::bounds::BoundingSphere;
 use super::environment::EnvironmentLight;
 use super::source::{LightFacts, PowerContext};
 use super::table::{LISTS, first_indices};
-use super::{LightId, LightTree, Lights};
+use super::{LightId, LightTree, Lights, point};
 use crate::math::distribution::AliasTable;
 use crate::math::luminance::luminance_of;
 use crate::scene::CompiledScene;
@@ -82,6 +82,10 @@ impl Lights {
 
     /// Collects the lights of a scene.
     pub fn with_select(scene: &CompiledScene, select: LightSelection) -> Lights {
+        let point_maps = scene
+            .points
+            .iter()
+            .map(|light| point::direction_map(light, scene));
         let environment_light = scene.environment.as_ref().and_then(EnvironmentLight::new);
         let first = first_indices(scene);
         let count = first[LISTS - 1] + u32::from(environment_light.is_some());
@@ -111,6 +115,7 @@ impl Lights {
             rows: facts.into_iter().map(|light| light.rows).collect(),
             first,
             environment_light,
+            point_maps: point_maps.collect(),
             ball,
             total_area,
         }

@@ -163,7 +163,7 @@ impl LightId {
 /// |---|---|---|---|
 /// | triangle | three corners, without the last z | that z, area | 1 if textured |
 /// | sphere | centre, radius | 0, area | 2, plus 1 if textured |
-/// | point | position, axis of the cone, `beam_height`, `cutoff_height` | `beam`, `cutoff` | `smooth` |
+/// | point | position, axis of the cone, `beam_height`, `cutoff_height` | `beam`, `cutoff` | `smooth`, or 2 with a map |
 /// | directional | direction | | |
 /// | environment | | | |
 ///

@@ -9,7 +9,7 @@ use lumbre_light::film::Film;
 use lumbre_light::math::stats::{normal_two_sided_p, sidak};
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{
-    Cone, DirectionalLight, Environment, Material, PointLight, Texture,
+    Cone, DirectionalLight, Environment, IntensityMap, Material, PointLight, Texture,
 };
 use lumbre_light::scene::desc::{ConeDesc, ConeEdge};
 use lumbre_light::transport::contribution::Contribution;
@@ -480,11 +480,23 @@ fn integrators_agree_on_point_and_directional_lights() {
             .build(),
     );
     let (position, intensity) = (Vec3::new(0.3, 1.5, 0.5), Vec3::splat(1.5));
-    scene.points.push(PointLight {
-        position,
-        intensity,
-        cone: Cone::WHOLE,
-    });
+    // Brighter on one side than on the other, and coloured.
+    let side = |i: u32| [0.2 + i as f32, 1.0, 2.0 - 0.4 * i as f32];
+    scene
+        .textures
+        .push(Texture::new(5, 3, (0..15).map(|i| side(i % 5)).collect()));
+    let map = IntensityMap {
+        texture: scene.textures.len() as u32 - 1,
+        rotation_rad: 0.4,
+    };
+    for (offset, map) in [(Vec3::ZERO, None), (Vec3::NEG_X, Some(map))] {
+        scene.points.push(PointLight {
+            position: position + offset,
+            intensity,
+            cone: Cone::WHOLE,
+            map,
+        });
+    }
     let desc = ConeDesc {
         beam_deg: 30.0,
         cutoff_deg: 60.0,
@@ -495,6 +507,7 @@ fn integrators_agree_on_point_and_directional_lights() {
         position: Vec3::new(-0.6, 1.4, 0.2),
         intensity: 3.0 * intensity,
         cone,
+        map: None,
     });
     let direction = Vec3::new(-0.3, -1.0, -0.4).normalize_or_zero();
     scene.directionals.push(DirectionalLight {

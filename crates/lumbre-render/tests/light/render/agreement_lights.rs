@@ -212,6 +212,37 @@ fn point_and_directional_lights_give_a_floor_the_theoretical_radiance() {
 }
 
 #[test]
+fn goniometric_lights_are_point_lights_times_their_map() {
+    let (place, intensity) = (Vec3::new(1.0, 1.5, -0.7), Vec3::new(1.0, 4.0, 9.0));
+    let point = floor(|b| b.point(place, 0.5 * intensity), &[]).0;
+    // Grey everywhere; white only in the lower half, towards the floor; black there; white on the
+    // side of the floor, turned from and to the other side.
+    let rows = |upper: f32, lower: f32| {
+        let texel = |i: u32| [if i < 32 { upper } else { lower }; 3];
+        Texture::new(1, 64, (0..64).map(texel).collect())
+    };
+    let columns = |degrees: f32| {
+        // Columns right of the middle, which is +z, are directions towards -x.
+        let texel = |i: u32| [f32::from(u8::from(i >= 32)); 3];
+        (Texture::new(64, 1, (0..64).map(texel).collect()), degrees)
+    };
+    for ((map, degrees), factor) in [
+        ((rows(0.5, 0.5), 25.0), 1.0),
+        ((rows(0.0, 1.0), 0.0), 2.0),
+        ((rows(1.0, 0.0), 0.0), 0.0),
+        (columns(0.0), 2.0),
+        (columns(180.0), 0.0),
+    ] {
+        let found = floor(|b| b.goniometric(place, intensity, map, degrees), &[]).0;
+        assert!(
+            (found - factor * point).abs() < 1e-6 * point,
+            "{degrees} degrees: {found} instead of {}",
+            factor * point
+        );
+    }
+}
+
+#[test]
 fn a_distant_point_light_equals_a_directional_light() {
     // The point light is so far away that its light is parallel.
     let way = Vec3::new(0.4, -0.8, 0.1).try_normalize().unwrap();

@@ -458,6 +458,7 @@ fn lights_have_the_same_bits_in_every_width() {
             .point(Vec3::Y, Vec3::ONE)
             .spot(Vec3::X, Vec3::NEG_Y, Vec3::ONE, cone(ConeEdge::Linear))
             .spot(Vec3::Z, Vec3::NEG_Y, Vec3::ONE, cone(ConeEdge::Smooth))
+            .goniometric(Vec3::NEG_X, Vec3::ONE, map(6, [Wrap::Repeat; 2]), 50.0)
             .directional(Vec3::new(0.3, -1.0, 0.2), Vec3::ONE)
             .environment(sky, Vec3::new(0.5, 0.6, 0.7), 30.0)
             .build();

@@ -274,6 +274,59 @@ fn emission_from_spot_lights_is_uniform_in_the_cone_and_weighted_by_the_falloff(
     assert!(p.iter().all(|p| *p > limit), "{p:?}");
 }
 
+#[test]
+fn emission_from_goniometric_lights_is_uniform_and_weighted_by_the_map() {
+    let texel = |i: u32| [if i % 16 < 8 { 0.0 } else { 1.0 }; 3];
+    let half = || Texture::new(16, 8, (0..16 * 8).map(texel).collect());
+    let scene = scene()
+        .point(Vec3::Y, Vec3::splat(2.0))
+        .goniometric(Vec3::ONE, Vec3::splat(2.0), half(), 40.0)
+        .goniometric(
+            Vec3::ONE,
+            Vec3::splat(2.0),
+            Texture::new(1, 1, vec![[0.5; 3]]),
+            0.0,
+        )
+        .build();
+    // Powers of 1, 1/2 and 1/2 of a point light's.
+    let lights = Lights::new(&scene);
+    let choice = [0, 1, 2].map(|i| lights.pdf_choice(LightId::Point(i)));
+    for (found, expected) in choice.iter().zip([0.5, 0.25, 0.25]) {
+        assert!((found - expected).abs() < 1e-5, "{choice:?}");
+    }
+    let (mut power, mut lit) = ([0.0; 3], 0);
+    let n = 60_000;
+    for i in 0..n {
+        let u = uniform(i, 31);
+        let Some(e) = lights.sample_emission(&scene, u[0], [u[1], u[2]], [u[3], u[4]]) else {
+            continue;
+        };
+        let LightId::Point(own) = e.point.light() else {
+            panic!("{:?}", e.point)
+        };
+        assert!((f64::from(e.pdf_w) * 4.0 * PI - 1.0).abs() < 1e-5);
+        let again = lights.pdf_emission_at(&e.point, e.dir);
+        assert_eq!((again.pdf_a, again.pdf_w), (e.pdf_a, e.pdf_w));
+        assert_eq!(lights.emitted(&scene, &e.point, e.dir), e.radiance);
+        lit += u32::from(own == 1 && e.radiance != Vec3::ZERO);
+        let from = e.point.position + e.dir * 3.0;
+        let arrives = lights
+            .sample_direct_from(&scene, own, from, [0.5; 2])
+            .map_or(Vec3::ZERO, |d| d.radiance);
+        assert!((arrives * 9.0 - e.radiance).abs().max_element() < 2e-2);
+        power[own as usize] += f64::from(e.radiance.x / (e.pdf_w * e.pdf_a)) / f64::from(n);
+    }
+    for (power, share) in power.iter().zip([1.0, 0.5, 0.5]) {
+        assert!(
+            (power / (8.0 * PI * share) - 1.0).abs() < 0.03,
+            "{power}, share {share}"
+        );
+    }
+    // Half of the directions, and two of sixteen columns that are half lit by interpolation.
+    let share = f64::from(lit) / f64::from(n) / 0.25;
+    assert!((share - 9.0 / 16.0).abs() < 0.02, "{share}");
+}
+
 fn point(lights: &Lights) -> LightPoint {
     LightPoint {
         lights: [lights.id(0)],

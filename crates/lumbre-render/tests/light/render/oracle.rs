@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{
-    Cone, DirectionalLight, Environment, Material, Model, PointLight, Texture,
+    Cone, DirectionalLight, Environment, IntensityMap, Material, Model, PointLight, Texture,
 };
 use lumbre_light::scene::desc::{CameraKind, ConeDesc, ConeEdge};
 use lumbre_light::transport::arrival::SurfaceClasses;
@@ -359,11 +359,23 @@ fn weights_are_exact_for_environments_directional_lights_and_points() {
             .build(),
     );
     let (position, intensity) = (Vec3::new(0.3, 1.5, 0.5), Vec3::splat(3.0));
-    scene.points.push(PointLight {
-        position,
-        intensity,
-        cone: Cone::WHOLE,
-    });
+    scene.textures.push(Texture::new(
+        3,
+        1,
+        vec![[0.5, 1.0, 2.0], [3.0; 3], [1.0, 0.2, 0.0]],
+    ));
+    let map = IntensityMap {
+        texture: scene.textures.len() as u32 - 1,
+        rotation_rad: 0.7,
+    };
+    for (offset, map) in [(Vec3::ZERO, None), (Vec3::Z, Some(map))] {
+        scene.points.push(PointLight {
+            position: position + offset,
+            intensity,
+            cone: Cone::WHOLE,
+            map,
+        });
+    }
     let desc = ConeDesc {
         beam_deg: 20.0,
         cutoff_deg: 55.0,
@@ -374,6 +386,7 @@ fn weights_are_exact_for_environments_directional_lights_and_points() {
         position: position - Vec3::X,
         intensity,
         cone,
+        map: None,
     });
     let direction = Vec3::new(-0.3, -1.0, -0.4).normalize_or_zero();
     scene.directionals.push(DirectionalLight {

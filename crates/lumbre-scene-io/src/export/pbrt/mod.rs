@@ -12,7 +12,7 @@ mod text;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use glam::{DAffine3, DMat3, Vec3};
+use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use self::surface::{Surfaces, Written};
 use self::text::Text;
@@ -23,6 +23,7 @@ use super::{Exported, OutputFolder, identifier, sphere_place};
 use crate::load::environment_square;
 use crate::model_differences;
 use crate::names::UniqueNames;
+use lumbre_light::scene::compile::LinearTexels;
 use lumbre_light::scene::desc::{
     CameraDesc, CameraKind, ConeEdge, EntityDesc, EnvironmentSource, LightKind, MeshDesc,
     SceneDesc, ShapeDesc,
@@ -344,6 +345,34 @@ impl PbrtWriter<'_> {
                         ConeEdge::Smooth => model_differences::PBRT_SMOOTH_SPOT,
                     };
                     self.notes.push(Note::new("", &place, message));
+                }
+                LightKind::Goniometric {
+                    position,
+                    intensity,
+                    ref map,
+                    rotation_deg,
+                } => {
+                    let square = environment_square(map, rotation_deg);
+                    let file = self.textures.environment_map(&square, &mut self.folder)?;
+                    // pbrt exchanges y and z of the light's space.
+                    let axes = DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::Y);
+                    text.begin("Attribute");
+                    text.transform(&DAffine3::from_mat3_translation(axes, position.as_dvec3()));
+                    text.directive("LightSource", "goniometric");
+                    text.vector("rgb I", intensity);
+                    text.string("string filename", &file);
+                    text.end("Attribute");
+                    let place = format!("lights.{}", light.name);
+                    let grey = |[r, g, b]: [f32; 3]| r == g && g == b;
+                    if !LinearTexels::of(&square.texels, true).iter().all(grey) {
+                        self.notes.push(Note::new(
+                            "",
+                            &place,
+                            model_differences::PBRT_GONIOMETRIC_COLOR,
+                        ));
+                    }
+                    self.notes
+                        .push(Note::new("", &place, model_differences::EQUAL_AREA));
                 }
                 LightKind::Directional {
                     direction,

@@ -1,9 +1,9 @@
-//! Lights: `diffuse` on shapes, `point`, `spot`, `distant` and `infinite`.
+//! Lights: `diffuse` on shapes, `point`, `spot`, `goniometric`, `distant` and `infinite`.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use super::environment;
 use super::params::Params;
@@ -184,6 +184,7 @@ impl LightReader<'_> {
         let light = match class {
             "point" => SceneLight::Light(self.point(params, to_world)?),
             "spot" => SceneLight::Light(self.spot(params, to_world)?),
+            "goniometric" => SceneLight::Light(self.goniometric(params, to_world)?),
             "distant" => SceneLight::Light(self.distant(params, to_world)?),
             "infinite" | "exinfinite" => match self.infinite(params, to_world)? {
                 Some(environment) => SceneLight::Environment(environment),
@@ -263,6 +264,55 @@ impl LightReader<'_> {
         })
     }
 
+    /// Reads a `goniometric` light; a point light without a map, or if its image cannot be read and
+    /// the policy allows it.
+    fn goniometric(
+        &mut self,
+        params: &Params,
+        to_world: &DAffine3,
+    ) -> Result<LightKind, SceneError> {
+        let position = to_world.transform_point3(DVec3::ZERO).as_vec3();
+        let intensity = self.color(params, "I")?;
+        let power = params.number("power", -1.0)?;
+        let (name, v4) = match self.spectra.version {
+            Version::V3 => (params.text("mapname")?, false),
+            Version::V4 => (params.text("filename")?, true),
+        };
+        // pbrt exchanges y and z of the light's space.
+        let axes = to_world.matrix3 * DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::Y);
+        let map = match name {
+            Some(file) => self.map(params, file, &axes)?,
+            None => None,
+        };
+        let mean = match &map {
+            // The mean of red, green and blue, which version 4 uses.
+            Some((image, ..)) => f64::from(mean_texel(image, true).element_sum()) / 3.0,
+            None => 1.0,
+        };
+        let by = if power > 0.0 {
+            power / (4.0 * PI * mean.max(1e-30))
+        } else {
+            1.0
+        };
+        let intensity = Self::limited(params, intensity, by)?;
+        Ok(match map {
+            None => LightKind::Point {
+                position,
+                intensity,
+            },
+            Some((_, map, rotation_deg)) => {
+                let average = |[r, g, b]: [f32; 3]| [(r + g + b) / 3.0; 3];
+                let map = if v4 { recolored(&map, average) } else { map };
+                LightKind::Goniometric {
+                    position,
+                    intensity,
+                    map: Arc::new(map),
+                    rotation_deg,
+                }
+            }
+        })
+    }
+
     /// Reads a `distant` light.
     fn distant(&mut self, params: &Params, to_world: &DAffine3) -> Result<LightKind, SceneError> {
         let from = params.point("from", DVec3::ZERO)?;
@@ -280,12 +330,13 @@ impl LightReader<'_> {
         })
     }
 
-    /// Reads the map of an environment: the image, the map in the world and its rotation in degrees.
+    /// Reads a map of directions, of an environment or a light: the image, the map in the world and
+    /// its rotation in degrees. `to_world` is the linear map of the space of its directions.
     fn map(
         &mut self,
         params: &Params,
         file: &str,
-        to_world: &DAffine3,
+        to_world: &DMat3,
     ) -> Result<Option<(Arc<TextureDesc>, TextureDesc, f32)>, SceneError> {
         let mut context = TextureContext {
             spectra: self.spectra,
@@ -294,11 +345,11 @@ impl LightReader<'_> {
         let Some(image) = self.textures.file(params, file, &mut context)? else {
             return Ok(None);
         };
-        if to_world.matrix3.determinant() == 0.0 {
+        if to_world.determinant() == 0.0 {
             return Err(params.error("the transform is not invertible"));
         }
         let (map, rotation) = match self.spectra.version {
-            Version::V3 => environment::from_equirectangular(&image, &to_world.matrix3),
+            Version::V3 => environment::from_equirectangular(&image, to_world),
             Version::V4 => {
                 if image.width != image.height {
                     return Err(params.error(format!(
@@ -307,7 +358,7 @@ impl LightReader<'_> {
                     )));
                 }
                 self.notes.push(params.note(model_differences::EQUAL_AREA));
-                (environment::from_equal_area(&image, &to_world.matrix3), 0.0)
+                (environment::from_equal_area(&image, to_world), 0.0)
             }
         };
         Ok(Some((image, map, rotation)))
@@ -338,7 +389,7 @@ impl LightReader<'_> {
             let source = EnvironmentSource::Color(Self::limited(params, color, by)?);
             return Ok(Some(EnvironmentDesc::new(source)));
         };
-        let Some((image, map, rotation_deg)) = self.map(params, file, to_world)? else {
+        let Some((image, map, rotation_deg)) = self.map(params, file, &to_world.matrix3)? else {
             return Ok(None);
         };
         let by = if illuminance > 0.0 {
@@ -348,7 +399,8 @@ impl LightReader<'_> {
         };
         let scale = Self::limited(params, color, by)?;
         let grey = scale.max_element() == scale.min_element();
-        let map = if grey { map } else { tinted(&map, scale) };
+        let tint = |[r, g, b]: [f32; 3]| [r * scale.x, g * scale.y, b * scale.z];
+        let map = if grey { map } else { recolored(&map, tint) };
         Ok(Some(EnvironmentDesc {
             rotation_deg,
             scale: if grey { scale.x } else { 1.0 },
@@ -357,15 +409,18 @@ impl LightReader<'_> {
     }
 }
 
-/// Returns a map times a colour.
-fn tinted(map: &TextureDesc, by: Vec3) -> TextureDesc {
-    let tint = |[r, g, b]: [f32; 3]| [r * by.x, g * by.y, b * by.z, 1.0];
+/// Returns a map with other linear colours.
+fn recolored(map: &TextureDesc, color: impl Fn([f32; 3]) -> [f32; 3]) -> TextureDesc {
+    let texel = |rgb| {
+        let [r, g, b] = color(rgb);
+        [r, g, b, 1.0]
+    };
     let texels = match &map.texels {
         Texels::Rgba8(t) => t
             .iter()
-            .map(|[r, g, b, _]| tint([*r, *g, *b].map(|c| Curve::Srgb.decode(c))))
+            .map(|[r, g, b, _]| texel([*r, *g, *b].map(|c| Curve::Srgb.decode(c))))
             .collect(),
-        Texels::RgbaF32(t) => t.iter().map(|[r, g, b, _]| tint([*r, *g, *b])).collect(),
+        Texels::RgbaF32(t) => t.iter().map(|[r, g, b, _]| texel([*r, *g, *b])).collect(),
     };
     TextureDesc::new(&map.file, map.width, map.height, Texels::RgbaF32(texels))
 }

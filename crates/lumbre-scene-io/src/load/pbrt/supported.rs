@@ -198,6 +198,12 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
         limits: "the size of the difference of its falloff is noted",
     },
     SupportedElement {
+        name: "`goniometric`",
+        support: "`I`, and a map: `filename` of equal areas in version 4, `mapname` by longitude \
+                  and latitude in version 3; `power` in version 4",
+        limits: "a map of equal areas is resampled, with a note",
+    },
+    SupportedElement {
         name: "`infinite`",
         support: "`L`, or a map: of equal areas in version 4, by longitude and latitude in version \
                   3; `illuminance`",

@@ -12,18 +12,20 @@ use lumbre_light::scene::desc::{
     ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind,
 };
 
-const LIGHT_TYPES: [&str; 3] = ["point", "directional", "spot"];
+const LIGHT_TYPES: [&str; 4] = ["point", "directional", "spot", "goniometric"];
 
 /// Reads one entry of `lights`.
 pub(super) fn read(
     place: &str,
     json: &Json,
     names: &mut UniqueNames,
+    textures: &mut TextureFiles,
     diagnostics: &mut Diagnostics,
 ) -> Result<LightDesc, SceneError> {
     let mut object = JsonObject::new(place, json, diagnostics)?;
     let Some((at, what)) = object.string("type", diagnostics)? else {
-        return Err(diagnostics.error(place, "a light needs a `type`: point, directional or spot"));
+        let problem = "a light needs a `type`: point, directional, spot or goniometric";
+        return Err(diagnostics.error(place, problem));
     };
     let given = object
         .string("name", diagnostics)?
@@ -56,6 +58,14 @@ pub(super) fn read(
                 cone: cone(place, direction, &mut object, diagnostics)?,
             }
         }
+        "goniometric" => LightKind::Goniometric {
+            position: vector,
+            intensity: color,
+            map: textures
+                .load("map", &mut object, diagnostics)?
+                .ok_or_else(|| missing("map", diagnostics))?,
+            rotation_deg: rotation(&mut object, diagnostics)?,
+        },
         _ if vector == Vec3::ZERO => {
             return Err(diagnostics.error(
                 object.key_path(vector_key),
@@ -69,7 +79,9 @@ pub(super) fn read(
     };
     let known = ["type", "name", vector_key, color_key];
     object.note_unknown(
-        known.into_iter().chain(["direction", "cutoff", "beam"]),
+        known
+            .into_iter()
+            .chain(["direction", "cutoff", "beam", "map", "rotation"]),
         diagnostics,
     );
     Ok(LightDesc {
@@ -81,7 +93,7 @@ pub(super) fn read(
 /// Returns the keys of vector and colour that a type of light needs, or `None` for an unknown type.
 fn required_keys(light_type: &str) -> Option<[&'static str; 2]> {
     match light_type {
-        "point" | "spot" => Some(["position", "intensity"]),
+        "point" | "spot" | "goniometric" => Some(["position", "intensity"]),
         "directional" => Some(["direction", "irradiance"]),
         _ => None,
     }
@@ -136,9 +148,7 @@ pub(super) fn environment(
             return Err(diagnostics.error(place, "an environment needs a `file` or a `color`"));
         }
     };
-    let rotation_deg = object
-        .number("rotation", diagnostics)?
-        .map_or(0.0, |(_, degrees)| degrees.rem_euclid(360.0)) as f32;
+    let rotation_deg = rotation(&mut object, diagnostics)?;
     let scale = match object.number("scale", diagnostics)? {
         Some((at, scale)) if !(0.0..=f64::from(f32::MAX)).contains(&scale) => {
             return Err(
@@ -154,6 +164,12 @@ pub(super) fn environment(
         scale,
         ..EnvironmentDesc::new(source)
     })
+}
+
+/// Reads the rotation of a map in degrees, from 0 to 360.
+fn rotation(object: &mut JsonObject, diagnostics: &Diagnostics) -> Result<f32, SceneError> {
+    let given = object.number("rotation", diagnostics)?;
+    Ok(given.map_or(0.0, |(_, degrees)| degrees.rem_euclid(360.0)) as f32)
 }
 
 /// Returns three numbers of at least 0, if the key is present.

@@ -124,7 +124,8 @@ fn scene(json: &Json, diagnostics: &mut Diagnostics) -> Result<SceneDesc, SceneE
     let mut names = UniqueNames::default();
     let mut lights = Vec::new();
     for (place, json) in root.list("lights", diagnostics)? {
-        lights.push(light::read(&place, json, &mut names, diagnostics)?);
+        let light = light::read(&place, json, &mut names, &mut textures, diagnostics)?;
+        lights.push(light);
     }
     let environment = match root.get("environment") {
         Some((place, json)) => Some(light::environment(
