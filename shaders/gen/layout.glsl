@@ -34,6 +34,7 @@ const uint MODEL_CONDUCTOR = 2u;
 const uint MODEL_PLASTIC = 3u;
 const uint MODEL_DIELECTRIC = 4u;
 const uint MODEL_TRANSLUCENT = 5u;
+const uint MODEL_OREN_NAYAR = 6u;
 const uint DISTRIBUTION_GGX = 0u;
 const uint DISTRIBUTION_BECKMANN = 1u;
 const uint MASK_THRESHOLD = 0u;

@@ -331,7 +331,8 @@ void surface_orient(inout Surface s, Face face, Hit hit) {
 // Returns whether shading a material needs tangents.
 bool uses_tangents(uint material) {
     bool stretched = materials[material].model != MODEL_LAMBERT
-        && materials[material].model != MODEL_TRANSLUCENT && materials[material].anisotropic > 0.0;
+        && materials[material].model != MODEL_TRANSLUCENT
+        && materials[material].model != MODEL_OREN_NAYAR && materials[material].anisotropic > 0.0;
     return TANGENTS && (stretched || materials[material].normal_texture != NONE);
 }
 

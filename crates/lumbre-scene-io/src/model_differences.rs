@@ -78,6 +78,10 @@ pub(crate) const PBRT_BUMPS: &str = "slopes of height maps are differences over 
 pub(crate) const ROUGH_DIFFUSE: &str =
     "the roughness of a diffuse surface is not supported; its albedo is the same within 8 %";
 
+/// Diffuse surfaces with roughness, in formats without them.
+pub(crate) const SMOOTH_DIFFUSE: &str = "a rough diffuse surface is not supported there; a smooth \
+                                         one is written, which is brighter straight on";
+
 /// A coat over a conductor.
 pub(crate) const COATED_CONDUCTOR: &str = "a coated conductor is the conductor alone here, with \
      its index relative to the coat: by 1 to 4 % brighter if both are smooth, by up to 30 % if the \

@@ -8,6 +8,7 @@
 #include "transport/bsdf/ideal.glsl"
 #include "transport/bsdf/interface.glsl"
 #include "transport/bsdf/lobe.glsl"
+#include "transport/bsdf/oren_nayar.glsl"
 #include "transport/bsdf/translucent.glsl"
 #include "transport/surface.glsl"
 
@@ -30,13 +31,15 @@ struct BsdfValue {
 // A pipeline omits the models that are not in the scene.
 const bool HAS_DISNEY = (MODELS & (1u << MODEL_DISNEY)) != 0u;
 const bool HAS_TRANSLUCENT = (MODELS & (1u << MODEL_TRANSLUCENT)) != 0u;
+const bool HAS_OREN_NAYAR = (MODELS & (1u << MODEL_OREN_NAYAR)) != 0u;
 const bool HAS_INTERFACE =
     (MODELS & (1u << MODEL_CONDUCTOR | 1u << MODEL_PLASTIC | 1u << MODEL_DIELECTRIC)) != 0u;
 
 // The BSDF at a point of a surface. `disney` also stores the other models: base colour, index and
 // weights of an ideal surface; base colour, alpha and smoothness of an interface, whose other
 // parameters are in the material's row; base colour of a translucent sheet, its transmittance as
-// `tinted_f0`, and an index of 1.
+// `tinted_f0`, and an index of 1; base colour of a rough diffuse surface, its roughness as that of
+// `diffuse`, and an index of 1.
 struct Bsdf {
     Frame frame;
     vec3 n_geometric;
@@ -56,6 +59,14 @@ bool bsdf_is_interface(Bsdf b) {
 
 bool bsdf_is_translucent(Bsdf b) {
     return HAS_TRANSLUCENT && b.model == MODEL_TRANSLUCENT;
+}
+
+bool bsdf_is_oren_nayar(Bsdf b) {
+    return HAS_OREN_NAYAR && b.model == MODEL_OREN_NAYAR;
+}
+
+OrenNayar bsdf_oren_nayar(Bsdf b) {
+    return oren_nayar_new(b.disney.base_color, b.disney.diffuse.roughness);
 }
 
 Translucent bsdf_translucent(Bsdf b) {
@@ -117,6 +128,14 @@ Bsdf bsdf_new(Surface s) {
         b.disney.one_sided = false;
         return b;
     }
+    if (bsdf_is_oren_nayar(b)) {
+        b.disney.base_color = base_color;
+        b.disney.diffuse.roughness =
+            lookup_scalar(m.roughness_texture, s.uv, s.material, m.roughness);
+        b.disney.ior = 1.0;
+        b.disney.one_sided = m.one_sided != 0u;
+        return b;
+    }
     float metallic = lookup_scalar(m.metallic_texture, s.uv, s.material, m.metallic);
     float opacity = lookup_scalar(m.opacity_texture, s.uv, s.material, m.opacity);
     b.disney.base_color = base_color;
@@ -146,7 +165,7 @@ Bsdf bsdf_new(Surface s) {
 // the shading normal suggests, and not at the back of a surface whose lobes are all missing there.
 bool bsdf_same_side(Bsdf b, vec3 w, vec3 local) {
     bool front_only = b.disney.one_sided
-        && (b.model == MODEL_CONDUCTOR || b.model == MODEL_PLASTIC);
+        && (b.model == MODEL_CONDUCTOR || b.model == MODEL_PLASTIC || bsdf_is_oren_nayar(b));
     return dot(w, b.n_geometric) * local.z > 0.0 && !(front_only && local.z < 0.0);
 }
 
@@ -176,6 +195,10 @@ BsdfValue bsdf_evaluate(Bsdf b, vec3 wo, vec3 wi, uint mode) {
         Translucent k = bsdf_translucent(b);
         d = Densities(
             translucent_eval(k, o, i), translucent_pdf_w(k, o, i), translucent_pdf_w(k, i, o)
+        );
+    } else if (bsdf_is_oren_nayar(b)) {
+        d = Densities(
+            oren_nayar_eval(bsdf_oren_nayar(b), o, i), lambert_pdf_w(o, i), lambert_pdf_w(i, o)
         );
     } else {
         Ideal k = bsdf_ideal(b);
@@ -223,6 +246,9 @@ bool bsdf_has_density(Bsdf b) {
     if (bsdf_is_translucent(b)) {
         return translucent_has_density(bsdf_translucent(b));
     }
+    if (bsdf_is_oren_nayar(b)) {
+        return true;
+    }
     return bsdf_is_interface(b) ? interface_has_density(bsdf_interface(b)) : b.disney.opaque > 0.0;
 }
 
@@ -237,6 +263,8 @@ bool bsdf_sample(Bsdf b, vec3 wo, float u, vec2 v, uint mode, out BsdfSample s) 
         found = interface_sample(bsdf_interface(b), o, u, v, mode, l);
     } else if (bsdf_is_translucent(b)) {
         found = translucent_sample(bsdf_translucent(b), o, u, v, l);
+    } else if (bsdf_is_oren_nayar(b)) {
+        found = oren_nayar_sample(bsdf_oren_nayar(b), o, v, l);
     } else {
         found = ideal_sample(bsdf_ideal(b), o, u, v, mode, l);
     }

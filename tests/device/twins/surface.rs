@@ -95,8 +95,15 @@ fn material(d: &mut RandomInputs, textures: u32) -> Material {
     }
 }
 
-/// Returns every seventh material as a translucent sheet, with numbers that it has already.
+/// Returns every seventh material as a translucent sheet and every eleventh as a rough diffuse
+/// surface, with numbers that they have already.
 fn with_sheets(i: u32, m: Material) -> Material {
+    if i.is_multiple_of(11) {
+        return Material {
+            model: Model::OrenNayar,
+            ..m
+        };
+    }
     if !i.is_multiple_of(7) {
         return m;
     }

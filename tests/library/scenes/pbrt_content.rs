@@ -300,6 +300,27 @@ fn textures_are_decoded_scaled_and_mapped() {
     );
 }
 
+#[test]
+fn rough_matte_surfaces_are_rough_and_diffuse() {
+    let matte = |sigma: &str| {
+        material(
+            &format!("Material \"matte\" \"rgb Kd\" [0.8 0.4 0.2] {sigma}"),
+            true,
+        )
+    };
+    for (sigma, model, roughness) in [
+        ("\"float sigma\" 0", Model::Lambert, None),
+        ("\"float sigma\" 45", Model::OrenNayar, Some(0.5)),
+        ("\"float sigma\" 400", Model::OrenNayar, Some(1.0)),
+    ] {
+        let (m, notes) = matte(sigma);
+        assert_eq!(m.model, model, "{sigma}");
+        assert_eq!(m.base_color, Vec3::new(0.8, 0.4, 0.2));
+        assert!(roughness.is_none_or(|roughness| m.roughness == roughness));
+        assert!(notes.is_empty(), "{notes}");
+    }
+}
+
 /// Returns the lights of a world.
 fn lights(world: &str, old: bool) -> Vec<LightKind> {
     let (desc, _) = if old { read_v3(world) } else { read(world) };

@@ -6,6 +6,7 @@
 //! | `lambert` | `diffuse`, `conductor` without an index, `dielectric`, blended by weights |
 //! | `conductor`, `plastic`, `dielectric` | the plugins of these names; rough from `smooth_below` |
 //! | `translucent` | `diffuse`, since no plugin transmits diffusely |
+//! | `oren_nayar` | `diffuse`, since no plugin is rough and diffuse |
 //!
 //! The weights of `lambert` are `metallic` and opacity. Opaque surfaces are enclosed in `twosided`,
 //! those with normal maps in `normalmap`, with bump maps in `bumpmap`, with masks in `mask`.
@@ -187,7 +188,7 @@ impl SurfaceWriter<'_> {
         let glass = m.opacity < 1.0 || m.texture(TextureSlot::Opacity).is_some();
         match m.model {
             Model::Disney | Model::Lambert => !glass,
-            Model::Conductor | Model::Plastic => true,
+            Model::Conductor | Model::Plastic | Model::OrenNayar => true,
             Model::Dielectric => false,
             // It is written as a diffuse surface.
             Model::Translucent => true,
@@ -230,6 +231,11 @@ impl SurfaceWriter<'_> {
                          lost",
                     );
                 }
+            }
+            Model::OrenNayar => {
+                self.open("diffuse", id);
+                self.color("reflectance", m.base_color, TexelConversion::Color)?;
+                self.note(model_differences::SMOOTH_DIFFUSE);
             }
             Model::Dielectric => {
                 let rough = self.is_rough() && !m.thin && m.ior != 1.0;

@@ -107,12 +107,9 @@ fn compile_material(m: &MaterialDesc, bank: &mut TextureBank, notes: &mut Vec<No
         base_color_texture: texture(TextureSlot::BaseColor, reflects),
         emission_texture: texture(TextureSlot::Emission, emits),
         mask_texture: texture(TextureSlot::Mask, true),
-        roughness_texture: texture(
-            TextureSlot::Roughness,
-            reflects && m.model.has_microfacets(),
-        ),
-        metallic_texture: texture(TextureSlot::Metallic, reflects && !translucent),
-        opacity_texture: texture(TextureSlot::Opacity, reflects && !translucent),
+        roughness_texture: texture(TextureSlot::Roughness, reflects && m.model.has_roughness()),
+        metallic_texture: texture(TextureSlot::Metallic, reflects && m.model.has_mixture()),
+        opacity_texture: texture(TextureSlot::Opacity, reflects && m.model.has_mixture()),
         transmittance_texture: texture(TextureSlot::Transmittance, reflects && translucent),
         anisotropic_texture: texture(
             TextureSlot::AnisotropicDirection,

@@ -170,7 +170,9 @@ pub(super) const SURFACE: &[MaterialParam] = rows! {
          that index; of the other parameters, these three use roughness, anisotropy, \
          `distribution` and `specular`. `translucent` is a thin diffuse sheet such as paper or a \
          leaf, the same on both sides: it reflects by the base colour and transmits by \
-         `transmittance`, its only parameters.";
+         `transmittance`, its only parameters. `oren_nayar` is a rough diffuse surface such as \
+         plaster, opaque, of the base colour: the standard deviation of the slopes of its facets \
+         is `roughness` times 90 degrees [Oren and Nayar 1994]; 0 is Lambertian.";
     vector specular("specular", 3, 0.0, 1.0), "",
         "Factor on the interface reflection of the models `conductor`, `plastic` and `dielectric`.";
     vector eta("eta", 3, 0.0, 100.0), "",

@@ -24,13 +24,26 @@ crate::named! {
         /// A thin diffuse sheet, such as paper, cloth or a leaf: it reflects by the base colour,
         /// and transmits by `transmittance`.
         Translucent = "translucent",
+        /// An opaque, rough diffuse surface of the base colour, such as plaster or clay. The only
+        /// other parameter with an effect is `roughness`.
+        OrenNayar = "oren_nayar",
     }
 }
 
 impl Model {
-    /// Returns whether roughness and anisotropy have an effect.
+    /// Returns whether the model has specular microfacets, so that anisotropy has an effect.
     pub fn has_microfacets(self) -> bool {
-        !matches!(self, Model::Lambert | Model::Translucent)
+        !matches!(self, Model::Lambert | Model::Translucent | Model::OrenNayar)
+    }
+
+    /// Returns whether roughness has an effect.
+    pub fn has_roughness(self) -> bool {
+        self.has_microfacets() || self == Model::OrenNayar
+    }
+
+    /// Returns whether textures of `metallic` and `opacity` are looked up.
+    pub fn has_mixture(self) -> bool {
+        !matches!(self, Model::Translucent | Model::OrenNayar)
     }
 }
 

@@ -9,7 +9,8 @@
 //!
 //! Reflection of dielectrics is exact Fresnel in the model `disney`.
 //!
-//! The model `translucent` reflects and transmits diffusely ([`translucent`]).
+//! The model `translucent` reflects and transmits diffusely ([`translucent`]), and `oren_nayar` is
+//! rough and diffuse ([`oren_nayar`]).
 //!
 //! The models `conductor`, `plastic` and `dielectric` are single interfaces with microfacets of
 //! either distribution, as in other renderers ([`interface`]).
@@ -61,6 +62,7 @@ pub mod material;
 pub mod mirror;
 mod model;
 mod numbers;
+pub mod oren_nayar;
 mod outgoing;
 mod packed;
 pub mod plastic;

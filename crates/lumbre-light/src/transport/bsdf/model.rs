@@ -9,6 +9,7 @@ use super::lobe::{MixtureSample, TransportMode};
 use super::local::{LocalBsdf, Traits};
 use super::material::{BsdfClass, MaterialConstants};
 use super::numbers::{Numbers, Packed, PackedClass};
+use super::oren_nayar::OrenNayar;
 use super::outgoing::{DisneyOutgoing, InterfaceOutgoing, Outgoing};
 use super::plastic::Plastic;
 use super::translucent::Translucent;
@@ -107,4 +108,5 @@ bsdfs! {
     Plastic => OneInterface<Plastic<V>>,
     Dielectric => OneInterface<Glass<V>>,
     Translucent => Translucent<V>,
+    OrenNayar => OrenNayar<V>,
 }

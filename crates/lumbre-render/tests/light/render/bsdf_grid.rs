@@ -135,6 +135,7 @@ pub fn one_sided() -> Vec<Material> {
     let mut all = grid(Mix::All);
     all.extend(grid(Mix::Opaque).into_iter().step_by(7));
     all.extend(interfaces().into_iter().step_by(5));
+    all.extend(sheets().into_iter().filter(|m| m.model == Model::OrenNayar));
     for opacity in [0.4, 1.0] {
         all.push(Material {
             model: Model::Lambert,
@@ -198,7 +199,8 @@ pub fn interfaces() -> Vec<Material> {
     all
 }
 
-/// Returns translucent sheets: of both lobes, and of each alone.
+/// Returns diffuse surfaces of all models but `lambert`: translucent sheets of both lobes and of
+/// each alone, and rough surfaces.
 pub fn sheets() -> Vec<Material> {
     let (reflects, transmits) = (Vec3::new(0.5, 0.3, 0.1), Vec3::new(0.1, 0.2, 0.6));
     let pairs = [
@@ -213,7 +215,14 @@ pub fn sheets() -> Vec<Material> {
         ior: 1.0,
         ..DISNEY
     };
-    pairs.map(sheet).to_vec()
+    let rough = |roughness| Material {
+        model: Model::OrenNayar,
+        roughness,
+        ior: 1.0,
+        ..DISNEY
+    };
+    let sheets = pairs.map(sheet).into_iter();
+    sheets.chain([0.0, 0.3, 1.0].map(rough)).collect()
 }
 
 /// Returns four numbers in `[0, 1)` for a sample of a test.

@@ -51,6 +51,25 @@ fn albedo_of_white_interfaces_is_at_most_one_and_of_plastic_at_most_1_01() {
 }
 
 #[test]
+fn albedo_of_white_rough_diffuse_surfaces_is_at_most_1_015() {
+    let white = |roughness| Material {
+        model: Model::OrenNayar,
+        roughness,
+        ..WHITE
+    };
+    for roughness in [0.0, 0.05, 0.1, 0.15, 0.3, 0.5, 1.0] {
+        for wo in outgoing() {
+            for a in albedo(&white(roughness), wo) {
+                assert!(a <= 1.015, "{a} from {wo}: {roughness}");
+            }
+        }
+    }
+    // By quadrature at normal incidence, at a roughness of 0.5: A, since B has no effect there.
+    let a = albedo(&white(0.5), direction(1.0, 0.0))[1];
+    assert!((a - 0.674_263).abs() < 1e-3, "{a}");
+}
+
+#[test]
 fn smooth_white_glass_panes_and_mirrors_absorb_nothing() {
     let mirror = Material {
         model: Model::Conductor,

@@ -124,7 +124,7 @@ fn map(i: u32, wrap: [Wrap; 2]) -> Texture {
 
 /// Returns materials: plain; with every texture; with a normal map, a bump map, both; with a
 /// direction of anisotropy and its map; with a terminator offset; emissive.
-fn materials(builder: &mut SceneBuilder) -> [Material; 14] {
+fn materials(builder: &mut SceneBuilder) -> [Material; 15] {
     let [a, b, c] = [
         map(0, [Wrap::Repeat; 2]),
         map(1, [Wrap::Mirror, Wrap::Clamp]),
@@ -183,6 +183,11 @@ fn materials(builder: &mut SceneBuilder) -> [Material; 14] {
         Material {
             transmittance_texture: c,
             ..sheet
+        },
+        Material {
+            model: Model::OrenNayar,
+            roughness_texture: c,
+            ..tiled
         },
         bent,
         bumpy,

@@ -6,6 +6,7 @@
 //! | `lambert` | `conductor`, `dielectric` and `diffuse`, mixed likewise |
 //! | `conductor`, `plastic`, `dielectric` | `conductor`, `coateddiffuse`, `dielectric` |
 //! | `translucent` | `diffusetransmission` |
+//! | `oren_nayar` | `diffuse` |
 //!
 //! Masks become the `alpha` of shapes, emission area lights, compositions of two parts `mix`.
 
@@ -122,6 +123,7 @@ impl Surfaces<'_> {
             Model::Dielectric => self.lobe(m, Lobe::Glass, name),
             Model::Plastic => self.lobe(m, Lobe::Body, name),
             Model::Translucent => self.lobe(m, Lobe::Sheet, name),
+            Model::OrenNayar => self.lobe(m, Lobe::Body, name),
             Model::Disney | Model::Lambert => self.weighted(m, name),
         }
     }
@@ -130,6 +132,7 @@ impl Surfaces<'_> {
     fn note_unsupported(&mut self, m: &MaterialDesc) {
         let opaque = match m.model {
             Model::Dielectric | Model::Translucent => false,
+            Model::OrenNayar => true,
             _ => m.opacity >= 1.0,
         };
         let of_interface = m.model.has_microfacets() && m.model != Model::Disney;
@@ -170,6 +173,9 @@ impl Surfaces<'_> {
         ];
         for (_, what) in rows.iter().filter(|(found, _)| *found) {
             self.note(m, format!("not supported by pbrt: {what}"));
+        }
+        if m.model == Model::OrenNayar {
+            self.note(m, model_differences::SMOOTH_DIFFUSE);
         }
         if m.model == Model::Disney {
             self.note(
@@ -263,7 +269,7 @@ impl Surfaces<'_> {
             }
             Lobe::Body => {
                 p.push(self.color(m, "reflectance", m.base_color)?);
-                if m.model == Model::Lambert {
+                if matches!(m.model, Model::Lambert | Model::OrenNayar) {
                     "diffuse"
                 } else {
                     p.push(format!("\"float eta\" {}", m.ior));

@@ -99,8 +99,8 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`diffuse`, `matte`",
-        support: "`reflectance`, `Kd`",
-        limits: "`sigma` is noted",
+        support: "`reflectance`; in version 3 `Kd`, and `sigma` by the model `oren_nayar`",
+        limits: "an image as `sigma` is replaced by its mean, with a note",
     },
     SupportedElement {
         name: "`conductor`, `metal`, `mirror`",

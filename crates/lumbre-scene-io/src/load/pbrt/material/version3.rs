@@ -13,10 +13,13 @@ impl MaterialReader<'_> {
     pub(super) fn version3(&mut self) -> Result<(), SceneError> {
         match self.source.class.as_str() {
             "matte" => {
-                if self.number("sigma", 0.0)? > 0.0 {
-                    self.note(model_differences::ROUGH_DIFFUSE);
+                self.diffuse("Kd", 0.5)?;
+                // In degrees, of which pbrt uses at most a right angle.
+                let sigma = self.number("sigma", 0.0)?.clamp(0.0, 90.0);
+                if sigma > 0.0 {
+                    (self.m.model, self.m.roughness) = (Model::OrenNayar, sigma / 90.0);
                 }
-                self.diffuse("Kd", 0.5)
+                Ok(())
             }
             "metal" => self.conductor("", 0.01),
             "mirror" => {
