@@ -79,7 +79,7 @@ pub struct Column {
 /// Answer of a study.
 #[derive(Clone, Debug, Default)]
 pub struct Verdict {
-    /// One sentence for every column.
+    /// Warnings of biased references, and one sentence for every column.
     pub sentences: Vec<String>,
     /// Labels of the facets, with the render time of the comparison.
     pub rows: Vec<String>,
@@ -158,7 +158,7 @@ impl Verdict {
 }
 
 /// Returns the answer of a study in short: one sentence for every metric by which series can be
-/// compared, as the first ones of its report.
+/// compared, as the first ones of its report after warnings.
 pub fn answer(study: &Study, options: &ReportOptions) -> Vec<String> {
     if study.series.len() < 2 {
         return Vec::new();
@@ -398,7 +398,7 @@ fn disagreements(study: &Study) -> Vec<String> {
 
 /// Returns what weakens the answer: few repeats, numbers at the noise of their reference,
 /// thresholds that the first measurement had passed, clocks that were disturbed, series with and
-/// without vectors, and references that are biased or that other techniques contradict.
+/// without vectors, and references that are biased, too noisy, or contradicted by other techniques.
 fn caveats(study: &Study, tables: &[&Table]) -> Vec<String> {
     let mut caveats = Vec::new();
     let finals = |table: &&&Table| matches!(table.kind, TableKind::Final(_));

@@ -2,8 +2,9 @@
 //!
 //! An identity is a canonical [`Value`] of everything that determines a picture and its
 //! measurements; its hash is the run id. Names of axes and experiments, paths, and the location of
-//! the script are excluded, so that renaming an axis renders nothing again. So are the number of
-//! threads, which never changes a picture, and the tone map of the PNG files.
+//! the script are excluded, so that renaming an axis renders nothing again, but where a stop rule is a
+//! function. So are the number of threads, which never changes a picture, and the tone map of the
+//! PNG files.
 //!
 //! All runs of one repeat share one seed, whatever their technique. Two runs thus use common random
 //! numbers where they request the same dimension of the same sample, and the difference between two
