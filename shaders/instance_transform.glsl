@@ -72,12 +72,12 @@ float triangle_extent(Triangle corners, uint instance) {
         extent = max(extent, greatest_coordinate(place_point(places[instance], vec3(0.0))));
     }
 #endif
-    return extent;
+    return max(extent, job.least_extent);
 }
 
 // Returns the same of a sphere.
 float sphere_extent(Sphere ball) {
-    return greatest_coordinate(ball.center) + ball.radius;
+    return max(greatest_coordinate(ball.center) + ball.radius, job.least_extent);
 }
 
 // Returns the shading data of a triangle with these world-space corners: normals in world space.

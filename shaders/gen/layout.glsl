@@ -37,6 +37,8 @@ const uint MODEL_TRANSLUCENT = 5u;
 const uint MODEL_OREN_NAYAR = 6u;
 const uint DISTRIBUTION_GGX = 0u;
 const uint DISTRIBUTION_BECKMANN = 1u;
+const uint FORMULAS_LUMBRE = 0u;
+const uint FORMULAS_MITSUBA = 1u;
 const uint MASK_THRESHOLD = 0u;
 const uint MASK_BLEND = 1u;
 const uint WRAP_REPEAT = 0u;
@@ -130,6 +132,11 @@ struct Material {
     vec3 k; // Imaginary part of a metal's index by channel.
     uint distribution; // DISTRIBUTION_GGX or DISTRIBUTION_BECKMANN.
     uint thin; // 1 if a dielectric is a thin pane, else 0.
+    uint formulas; // FORMULAS_LUMBRE or FORMULAS_MITSUBA.
+    uint rough_body; // 1 if light passes the interface of plastic as its microfacets let it, else 0.
+    vec4 transmittance_grazing; // Transmittance of the microfacets at cosine 0, and its slopes up to the fourth knot.
+    vec4 transmittance_middle; // Its slopes up to the eighth knot.
+    vec4 transmittance_steep; // Its slopes up to the last knot.
     uint nonlinear; // 1 if light that is reflected back inside plastic is tinted each time, else 0.
     float internal_reflectance; // Fraction of diffuse light that is reflected back at the inside of plastic.
     uvec2 parts; // First row in `material_parts` of a composed or delayed material and number of rows; none for others.
@@ -278,6 +285,7 @@ struct JobParams {
     uint candidates; // Number of vertices that are drawn for each connection.
     uvec2 candidate_step; // Low and high word of 2^64 divided by that number, rounded down; 0 if it is 1.
     uvec2 seed; // Low and high word of the seed.
+    float least_extent; // Least extent of primitives: see `offset_origin`.
     uint triangle_count; // Number of triangles: primitive indices from here on are spheres.
     uint sphere_count; // Number of spheres.
     uint has_tangents; // 1 if `tangents` has a row for every triangle, else 0.

@@ -4,7 +4,7 @@
 // SAMPLER_INDEPENDENT, SAMPLER_SOBOL, or SAMPLER_ZSOBOL plus the binary logarithm of a block.
 layout(constant_id = 0) const uint SAMPLER_KIND = 0u;
 // Bit mask of the material models of the scene.
-layout(constant_id = 1) const uint MODELS = 63u;
+layout(constant_id = 1) const uint MODELS = 127u;
 // Whether the film has layers.
 layout(constant_id = 2) const bool LAYERS = false;
 // Whether the events of paths are recorded.

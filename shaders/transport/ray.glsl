@@ -24,10 +24,10 @@ bool trace_closest(Ray ray, float t_max, out Hit hit);
 // Returns whether anything is hit with 0 < t < t_max.
 bool trace_occluded(Ray ray, float t_max);
 
-float offset_axis(float p, float n, float least) {
+float offset_axis(float p, float n, float near, float fixed_step, float least) {
     int steps = int(256.0 * n);
     float moved = intBitsToFloat(floatBitsToInt(p) + (p < 0.0 ? -steps : steps));
-    moved = abs(p) < 1.0 / 32.0 ? p + n * (1.0 / 65536.0) : moved;
+    moved = abs(p) < near ? p + n * fixed_step : moved;
     least *= n;
     return abs(moved - p) < abs(least) ? p + least : moved;
 }
@@ -37,8 +37,13 @@ float offset_axis(float p, float n, float least) {
 // [Waechter & Binder 2019; see Rust].
 vec3 offset_origin(vec3 p, vec3 n, float extent) {
     float least = (1.0 / 2097152.0) * extent;
+    bool small = extent < 1.0 / 32.0;
+    float near = small ? (1.0 / 32.0) * extent : 1.0 / 32.0;
+    float fixed_step = small ? least : 1.0 / 65536.0;
     return vec3(
-        offset_axis(p.x, n.x, least), offset_axis(p.y, n.y, least), offset_axis(p.z, n.z, least)
+        offset_axis(p.x, n.x, near, fixed_step, least),
+        offset_axis(p.y, n.y, near, fixed_step, least),
+        offset_axis(p.z, n.z, near, fixed_step, least)
     );
 }
 

@@ -253,13 +253,16 @@ void surface_emboss(inout Surface s, Face face, Hit hit, vec3 smooth_normal) {
             bump_map, s.uv, materials[s.material].tiling_scale, materials[s.material].tiling_offset
         );
     vec2 texel = 1.0 / vec2(textures[bump_map].width, textures[bump_map].height);
+    vec2 between = materials[s.material].formulas == FORMULAS_MITSUBA
+        ? (floor(place / texel - 0.5) + 1.0) * texel
+        : place;
     vec2 slopes = vec2(0.0);
     // A loop with one lookup, since compilers inline every call.
     for (int i = 0; i < 4; ++i) {
         float side = (i & 1) == 0 ? 1.0 : -1.0;
         vec2 along = i < 2 ? vec2(1.0, 0.0) : vec2(0.0, 1.0);
-        slopes += along
-            * (side * texture_filtered(bump_map, place + along * texel * (0.5 * side)).x);
+        vec2 at = mix(place, between, along) + along * texel * (0.5 * side);
+        slopes += along * (side * texture_filtered(bump_map, at).x);
     }
     slopes /= texel;
     // Slopes along the map's own coordinates, then along those of the surface.

@@ -11,8 +11,8 @@ use lumbre_light::film::Film;
 use lumbre_light::film::time::TimeAxis;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{
-    Cone, DirectionalLight, Emitter, Environment, IntensityMap, Interface, MaskMode, Material,
-    Model, NONE, PointLight, Sphere, Texture, TriangleAttributes, UvMap,
+    Cone, DirectionalLight, Emitter, Environment, Formulas, IntensityMap, Interface, MaskMode,
+    Material, Model, NONE, PointLight, Sphere, Texture, TriangleAttributes, UvMap,
 };
 use lumbre_light::scene::desc::{CameraDesc, ConeDesc};
 use lumbre_light::transport::integrator::{IntegratorRow, integrator};
@@ -23,6 +23,7 @@ use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 /// A white, opaque, ideal material that emits nothing.
 pub const WHITE: Material = Material {
     model: Model::Lambert,
+    formulas: Formulas::Lumbre,
     subsurface: 0.0,
     specular_tint: 0.0,
     anisotropic: 0.0,

@@ -3,7 +3,7 @@
 //! and `lumbre verify --mitsuba` compares pictures with them. Those for pbrt are integrals of the
 //! models, as docs/reference/formats.md describes.
 
-use lumbre_light::scene::desc::{Distribution, MaterialDesc};
+use lumbre_light::scene::desc::{Distribution, Formulas, MaterialDesc};
 
 /// Blends of two surfaces of which one has a perfectly smooth lobe.
 pub(crate) const SMOOTH_BLEND: &str = "Mitsuba loses light where it blends a perfectly smooth lobe \
@@ -62,7 +62,7 @@ pub(crate) fn principled(m: &MaterialDesc) -> Vec<String> {
         ),
     ];
     rows.into_iter()
-        .filter(|(amount, ..)| *amount > 0.0)
+        .filter(|(amount, ..)| *amount > 0.0 && m.formulas == Formulas::Lumbre)
         .map(|(amount, most, difference)| {
             let size = (most * amount).ceil();
             format!("{difference}, but not in Mitsuba: a difference of up to {size:.0} %")
@@ -75,8 +75,8 @@ pub(crate) const PBRT_BUMPS: &str = "slopes of height maps are differences over 
                                      over half a pixel in pbrt: steep maps of few texels differ";
 
 /// Rough diffuse surfaces.
-pub(crate) const ROUGH_DIFFUSE: &str =
-    "the roughness of a diffuse surface is not supported; its albedo is the same within 8 %";
+pub(crate) const ROUGH_DIFFUSE: &str = "light that goes from facet to facet of a rough diffuse surface is left out, as with \
+     `useFastApprox`";
 
 /// Diffuse surfaces with roughness, in formats without them.
 pub(crate) const SMOOTH_DIFFUSE: &str = "a rough diffuse surface is not supported there; a smooth \

@@ -10,11 +10,12 @@
 struct Clearcoat {
     float strength;
     float alpha;
+    uint formulas;
 };
 
 // Builds a coat from the parameters `clearcoat` and `clearcoat_gloss`.
-Clearcoat clearcoat_new(float clearcoat, float gloss) {
-    return Clearcoat(0.25 * clearcoat, 0.1 + (0.001 - 0.1) * gloss);
+Clearcoat clearcoat_new(float clearcoat, float gloss, uint formulas) {
+    return Clearcoat(0.25 * clearcoat, 0.1 + (0.001 - 0.1) * gloss, formulas);
 }
 
 // Returns the reflectance at a cosine, for the index 1.5.
@@ -24,7 +25,9 @@ float clearcoat_reflectance(Clearcoat c, float cos_theta) {
 
 // Returns the transmittance on the way in along one direction and out along another.
 float clearcoat_transmittance(Clearcoat c, float cos_o, float cos_i) {
-    return (1.0 - clearcoat_reflectance(c, cos_o)) * (1.0 - clearcoat_reflectance(c, cos_i));
+    return c.formulas == FORMULAS_LUMBRE
+        ? (1.0 - clearcoat_reflectance(c, cos_o)) * (1.0 - clearcoat_reflectance(c, cos_i))
+        : 1.0;
 }
 
 // Returns the density of normals per solid angle: GTR with exponent 1.
@@ -37,8 +40,9 @@ float clearcoat_d(Clearcoat c, vec3 h) {
 // Evaluates the lobe for two directions on the upper side.
 float clearcoat_eval(Clearcoat c, vec3 wo, vec3 wi, vec3 h) {
     Ggx masking = Ggx(vec2(0.25));
-    return 0.25 * clearcoat_reflectance(c, dot(wo, h)) * clearcoat_d(c, h)
+    float value = 0.25 * clearcoat_reflectance(c, dot(wo, h)) * clearcoat_d(c, h)
         * ggx_masking_over_cos(masking, wo) * ggx_masking_over_cos(masking, wi);
+    return c.formulas == FORMULAS_LUMBRE ? value : value * (4.0 * wo.z * wi.z);
 }
 
 // Returns the density per solid angle of reflecting about a normal from `clearcoat_sample`.

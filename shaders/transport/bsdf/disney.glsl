@@ -17,7 +17,8 @@ const float MIN_BEND = 1e-4;
 // Minimum sampling probability of a rough lobe relative to its weight.
 const float MIN_ROUGH = 0.02;
 
-// The parameters of the Disney BSDF at a point; fields as in Rust. `tinted_f0` is used if `tinted`.
+// The parameters of the Disney BSDF at a point; fields as in Rust. `tinted_f0` is used if `tinted`;
+// `schlick_share` is negative by the formulas of this renderer.
 struct Disney {
     vec3 base_color;
     float opaque;
@@ -26,6 +27,7 @@ struct Disney {
     float ior;
     bool tinted;
     vec3 tinted_f0;
+    float schlick_share;
     Diffuse diffuse;
     Ggx ggx;
     bool is_smooth;
@@ -55,6 +57,11 @@ vec3 disney_dielectric_reflectance(Disney k, float cos_theta) {
         return vec3(exact);
     }
     float f0 = f0_of(k.ior);
+    if (k.schlick_share >= 0.0) {
+        float white = schlick_weight(abs(cos_theta)), rest = 1.0 - white;
+        float plain = (1.0 - k.schlick_share) * (exact - f0 * rest);
+        return k.tinted_f0 * rest + vec3(plain + k.schlick_share * white);
+    }
     float blend = (exact - f0) / (1.0 - f0);
     return max(k.tinted_f0 + (vec3(1.0) - k.tinted_f0) * blend, vec3(0.0));
 }

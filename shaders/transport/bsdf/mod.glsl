@@ -157,7 +157,8 @@ Bsdf bsdf_new(Surface s) {
     b.disney.tinted_f0 = min(hue(base_color, m.specular_tint) * f0_of(m.ior), vec3(1.0));
     vec3 sheen = m.sheen > 0.0 ? hue(base_color, m.sheen_tint) * m.sheen : vec3(0.0);
     b.disney.diffuse = Diffuse(base_color, roughness, m.subsurface, sheen);
-    b.disney.coat = clearcoat_new(m.clearcoat, m.clearcoat_gloss);
+    b.disney.schlick_share = m.formulas == FORMULAS_MITSUBA ? m.specular_tint : -1.0;
+    b.disney.coat = clearcoat_new(m.clearcoat, m.clearcoat_gloss, m.formulas);
     return b;
 }
 

@@ -14,8 +14,23 @@ struct Plastic {
     float ior;
     float internal;
     bool nonlinear;
+    bool rough_body;
+    float transmittance[12];
     Facets facets;
 };
+
+// Returns the transmittance of the surface at a cosine at which a smooth one reflects `r`.
+float plastic_through(Plastic p, float cos_theta, float r) {
+    if (!p.rough_body) {
+        return 1.0 - r;
+    }
+    float sum = p.transmittance[0];
+    for (int k = 1; k < 12; k++) {
+        float from = float((k - 1) * (k - 1)) / 121.0, to = float(k * k) / 121.0;
+        sum += p.transmittance[k] * clamp(cos_theta - from, 0.0, to - from);
+    }
+    return sum;
+}
 
 // Returns the albedo of the body with all internal reflections, over the squared index.
 vec3 plastic_body(Plastic p) {
@@ -40,7 +55,8 @@ Densities plastic_evaluate(Plastic p, vec3 o, vec3 i) {
     float surface_o = plastic_surface_probability(p, r_o);
     float surface_i = plastic_surface_probability(p, r_i);
     Densities d = Densities(
-        plastic_body(p) * ((1.0 - r_o) * (1.0 - r_i) * FRAC_1_PI),
+        plastic_body(p)
+            * (plastic_through(p, o.z, r_o) * plastic_through(p, i.z, r_i) * FRAC_1_PI),
         (1.0 - surface_o) * cosine_hemisphere_pdf_w(i.z),
         (1.0 - surface_i) * cosine_hemisphere_pdf_w(o.z)
     );

@@ -16,7 +16,7 @@ float ball_pdf_a() {
 // distant light.
 LightPoint ball_outside(uint light, vec3 from, vec3 wi) {
     float away = distance(from, job.ball_center) + 2.0 * job.ball_radius;
-    return LightPoint(light, from + wi * away, -wi, 0.0, Uv(0.0));
+    return LightPoint(light, from + wi * away, -wi, job.least_extent, Uv(0.0));
 }
 
 // Samples a point uniform over the disk that touches the sphere and faces it along its normal
@@ -25,7 +25,7 @@ LightPoint ball_on_disk(uint light, vec3 dir, vec2 u) {
     vec2 d = concentric_disk(u) * job.ball_radius;
     vec3 position = job.ball_center
         + frame_to_world(frame_from_normal(dir), vec3(d, -job.ball_radius));
-    return LightPoint(light, position, dir, 0.0, Uv(0.0));
+    return LightPoint(light, position, dir, job.least_extent, Uv(0.0));
 }
 
 #endif

@@ -8,7 +8,9 @@
 #include "transport/light/types.glsl"
 
 LightPoint point_at(uint i, vec3 normal) {
-    return LightPoint(job.light_first.x + i, points[i].position, normal, 0.0, Uv(0.0));
+    return LightPoint(
+        job.light_first.x + i, points[i].position, normal, job.least_extent, Uv(0.0)
+    );
 }
 
 // Returns one minus the cosine of a unit direction with the axis of point light `i`.

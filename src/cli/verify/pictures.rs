@@ -18,6 +18,7 @@ use crate::cli::night::load;
 use lumbre_light::film::Image;
 use lumbre_light::math::stats::median;
 use lumbre_light::scene::compile;
+use lumbre_light::scene::desc::Formulas;
 use lumbre_light::transport::integrator::integrator;
 use lumbre_light::transport::sampler::SOBOL;
 use lumbre_render::cpu::renderer::CpuRenderer;
@@ -163,8 +164,12 @@ impl KnownPicture {
             &picture(&file.with_file_name("TungstenRender.exr"))?,
             shrink,
         );
-        let (desc, _) =
+        let (mut desc, _) =
             load::load_scene(&file, MissingTextures::Fail).map_err(|e| e.to_string())?;
+        // Tungsten's plastics have the formulas of this renderer, not those of Mitsuba.
+        for material in &mut desc.materials {
+            material.formulas = Formulas::Lumbre;
+        }
         let (scene, _) = compile(&desc).map_err(|e| e.to_string())?;
         let row = integrator(self.integrator)
             .ok_or_else(|| format!("`{}` is no integrator", self.integrator))?;

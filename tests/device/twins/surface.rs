@@ -5,7 +5,8 @@ use std::sync::Arc;
 use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{
-    Distribution, Interface, Lookup, MaskMode, Material, Model, NONE, Texture, UvMap, Wrap,
+    Distribution, Formulas, Interface, Lookup, MaskMode, Material, Model, NONE, Texture, UvMap,
+    Wrap,
 };
 use lumbre_light::scene::desc::TextureFilter;
 use lumbre_light::transport::bsdf::{Bsdf, TransportMode};
@@ -95,9 +96,13 @@ fn material(d: &mut RandomInputs, textures: u32) -> Material {
     }
 }
 
-/// Returns every seventh material as a translucent sheet and every eleventh as a rough diffuse
-/// surface, with numbers that they have already.
-fn with_sheets(i: u32, m: Material) -> Material {
+/// Returns every seventh material as a translucent sheet, every eleventh as a rough diffuse surface,
+/// and every third by the formulas of Mitsuba, with numbers that they have already.
+fn with_models(i: u32, mut m: Material) -> Material {
+    if i.is_multiple_of(3) {
+        m.formulas = Formulas::Mitsuba;
+        m.interface.transmittance = Some(std::array::from_fn(|k| m.sheen / (k + 1) as f32));
+    }
     if i.is_multiple_of(11) {
         return Material {
             model: Model::OrenNayar,
@@ -127,6 +132,7 @@ fn interface(d: &mut RandomInputs) -> Interface {
         thin: d.word().is_multiple_of(4),
         nonlinear: d.word().is_multiple_of(2),
         internal_reflectance: d.part(),
+        transmittance: None,
     }
 }
 
@@ -179,12 +185,12 @@ fn many_materials() -> (Arc<CompiledScene>, Job) {
     for i in 0..TRIANGLES {
         let corners = [(); 3].map(|()| d.vector(2.0));
         let uvs = [(); 3].map(|()| Vec2::new(d.between(-1.5, 1.5), d.between(-1.5, 1.5)));
-        let m = with_sheets(i, material(&mut d, 6));
+        let m = with_models(i, material(&mut d, 6));
         builder = builder.triangle(corners, uvs, m);
     }
     for i in 0..SPHERES {
         let (center, radius) = (d.vector(2.0), d.between(0.1, 2.0));
-        let m = with_sheets(i, material(&mut d, 6));
+        let m = with_models(i, material(&mut d, 6));
         builder = builder.sphere(center, radius, m);
     }
     let scene = builder.with(|s| {

@@ -7,9 +7,9 @@ use glam::{Affine2, Affine3A, Quat, Vec2, Vec3};
 use lumbre_light::film::Image;
 use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{
-    ConeDesc, ConeEdge, Distribution, EntityDesc, EnvironmentDesc, EnvironmentSource, LightDesc,
-    LightKind, Lookup, MaskMode, MaterialDesc, Model, SceneDesc, ShapeDesc, Texels, TextureDesc,
-    TextureSlot, Transform, Wrap,
+    ConeDesc, ConeEdge, Distribution, EntityDesc, EnvironmentDesc, EnvironmentSource, Formulas,
+    LightDesc, LightKind, Lookup, MaskMode, MaterialDesc, Model, SceneDesc, ShapeDesc, Texels,
+    TextureDesc, TextureSlot, Transform, Wrap,
 };
 use lumbre_light::scene::shape::{cuboid, grid};
 use lumbre_light::transport::integrator::integrator;
@@ -42,8 +42,12 @@ fn round_trip(desc: &SceneDesc) -> (SceneDesc, String) {
             && exported.files.last() == Some(&exported.scene)
     );
     assert!(export::can_replace(&folder));
-    let (imported, notes) =
+    let (mut imported, notes) =
         lumbre_scene_io::load::load(&exported.scene).unwrap_or_else(|e| panic!("{e}"));
+    // Files of Mitsuba are loaded with its formulas, where they matter.
+    for material in &mut imported.materials {
+        material.formulas = Formulas::Lumbre;
+    }
     (
         imported,
         format!("{}{}", lines(&exported.notes), lines(&notes)),

@@ -4,8 +4,8 @@ use glam::{Vec2, Vec3};
 use lumbre_light::scene::compile;
 use lumbre_light::scene::compile::{Uv, Wrap};
 use lumbre_light::scene::desc::{
-    ConeEdge, Distribution, EnvironmentSource, LightKind, MaskMode, MaterialDesc, Model, SceneDesc,
-    ShapeDesc, TextureSlot,
+    ConeEdge, Distribution, EnvironmentSource, Formulas, LightKind, MaskMode, MaterialDesc, Model,
+    SceneDesc, ShapeDesc, TextureSlot,
 };
 
 use super::{Folder, lines, mesh_of};
@@ -162,6 +162,22 @@ fn bsdf_plugins_become_the_matching_models() {
     assert!(
         (m.roughness - 0.2f32.sqrt()).abs() < 1e-6 && (m.anisotropic - 0.75 / 0.9).abs() < 1e-6
     );
+    // Formulas of Mitsuba where they differ, and a material like any other where they agree.
+    assert_eq!(m.formulas, Formulas::Mitsuba);
+    for (inner, formulas) in [
+        ("", Formulas::Lumbre),
+        (
+            r#"<float name="clearcoat" value="0.5"/>"#,
+            Formulas::Mitsuba,
+        ),
+        (
+            r#"<float name="spec_tint" value="0.5"/>"#,
+            Formulas::Mitsuba,
+        ),
+    ] {
+        let (m, notes) = surface(&format!(r#"<bsdf type="principled" id="s">{inner}</bsdf>"#));
+        assert_eq!((m.formulas, notes.as_str()), (formulas, ""), "{inner}");
+    }
     let (m, notes) = surface(
         r#"<bsdf type="principled" id="s"><rgb name="base_color" value="0.2"/><float name="metallic" value="0.7"/>
 <float name="spec_trans" value="0.25"/><float name="specular" value="0.5"/><float name="sheen" value="2"/></bsdf>"#,
@@ -190,7 +206,9 @@ fn bsdf_plugins_become_the_matching_models() {
         (Model::Plastic, 0.02, 4.0)
     );
     assert!(
-        m.texture(TextureSlot::Bump).is_some() && notes.contains("by up to 6 %"),
+        m.texture(TextureSlot::Bump).is_some()
+            && m.formulas == Formulas::Mitsuba
+            && notes.is_empty(),
         "{notes}"
     );
     let (m, notes) = surface(

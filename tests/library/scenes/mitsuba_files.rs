@@ -453,10 +453,16 @@ fn diffuse_plugins_of_version_0_6_become_the_matching_models() {
     );
     assert_eq!(
         (m.model, m.base_color),
-        (Model::Lambert, Vec3::new(0.1, 0.2, 0.3))
+        (Model::OrenNayar, Vec3::new(0.1, 0.2, 0.3))
     );
+    // Slopes of deviation 1 over both axes: sqrt(1/2) radians, of the 90 degrees of roughness 1.
+    assert!((m.roughness - 0.450_158).abs() < 1e-5, "{}", m.roughness);
     assert!(
-        notes.lines().count() == 1 && notes.contains("within 8 %"),
+        notes.lines().count() == 1 && notes.contains("from facet to facet"),
         "{notes}"
     );
+    let (_, notes) = surface(
+        r#"<bsdf type="roughdiffuse" id="s"><boolean name="useFastApprox" value="true"/></bsdf>"#,
+    );
+    assert_eq!(notes, "");
 }

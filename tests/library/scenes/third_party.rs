@@ -172,7 +172,7 @@ fn third_party_mitsuba_scenes_load_without_notes() {
         ("bedroom/scene_local.xml", 449_344, 4, 65),
     ] {
         let (desc, notes) = load(&folder.join(file)).unwrap_or_else(|e| panic!("{e}"));
-        // The rough plastic of Mitsuba loses light, and its masks count as edges.
+        // The masks of Mitsuba count as edges.
         let is_model =
             |note: &Note| note.message.contains(" %") || note.message.contains("holes of a mask");
         assert!(notes.iter().all(is_model), "{file}: {notes:?}");

@@ -85,19 +85,22 @@ pub trait Trace {
 /// The step is a fixed number of units in the last place, so it scales with the coordinates; near
 /// the origin, where those units vanish, it is a fixed length [Waechter & Binder 2019]. It is never
 /// less than [`EXTENT_SCALE`] of the extent: the rounding errors of intersections and of points
-/// depend on the corners of a triangle, and those of a wall through the origin are far away.
+/// depend on the corners of a triangle, and those of a wall through the origin are far away. Of
+/// scenes that are smaller than the fixed length suits, with extents below [`NEAR_ORIGIN`], the step
+/// near the origin is that share of the extent.
 #[inline(always)]
 pub fn offset_origin<V: Vector>(p: V, n: V, extent: V::Scalar) -> V {
-    let least = V::Scalar::splat(EXTENT_SCALE) * extent;
-    V::new(
-        offset_axis(p.x(), n.x(), least),
-        offset_axis(p.y(), n.y(), least),
-        offset_axis(p.z(), n.z(), least),
-    )
+    let splat = V::Scalar::splat;
+    let least = splat(EXTENT_SCALE) * extent;
+    let small = extent.lt(splat(NEAR_ORIGIN));
+    let near = V::Scalar::select(small, splat(NEAR_ORIGIN) * extent, splat(NEAR_ORIGIN));
+    let fixed = V::Scalar::select(small, least, splat(FLOAT_SCALE));
+    let axis = |p, n| offset_axis(p, n, [near, fixed, least]);
+    V::new(axis(p.x(), n.x()), axis(p.y(), n.y()), axis(p.z(), n.z()))
 }
 
 /// Absolute coordinate below which the step is a fixed length.
-const NEAR_ORIGIN: f32 = 1.0 / 32.0;
+pub(super) const NEAR_ORIGIN: f32 = 1.0 / 32.0;
 
 /// Fixed length of the step near the origin, per unit of the normal.
 const FLOAT_SCALE: f32 = 1.0 / 65_536.0;
@@ -111,13 +114,12 @@ const INT_SCALE: f32 = 256.0;
 const EXTENT_SCALE: f32 = 1.0 / 2_097_152.0;
 
 #[inline(always)]
-fn offset_axis<R: Real>(p: R, n: R, least: R) -> R {
+fn offset_axis<R: Real>(p: R, n: R, [near, fixed, least]: [R; 3]) -> R {
     let steps = (R::splat(INT_SCALE) * n).truncated();
     let bits = p.bits();
     let negative = bits.sign_mask();
     let moved = bits.add(steps.xor(negative).sub(negative)).bits_to_float();
-    let near = p.abs().lt(R::splat(NEAR_ORIGIN));
-    let moved = R::select(near, p + R::splat(FLOAT_SCALE) * n, moved);
+    let moved = R::select(p.abs().lt(near), p + fixed * n, moved);
     let least = least * n;
     R::select((moved - p).abs().lt(least.abs()), p + least, moved)
 }
@@ -128,13 +130,13 @@ mod tests {
 
     #[test]
     fn offset_moves_to_the_side_of_the_normal_at_every_scale() {
-        for scale in [1e-3, 0.02, 1.0, 37.0, 1e4, 1e6] {
-            for p in [Vec3::ONE, -Vec3::ONE, Vec3::new(1.0, -0.5, 0.25)] {
+        for scale in [1e-30, 1e-5, 1e-3, 0.02, 1.0, 37.0, 1e4, 1e6] {
+            for p in [Vec3::ONE, -Vec3::ONE, Vec3::new(1.0, -0.5, 0.0)] {
                 let n = Vec3::new(0.6, -0.64, 0.48);
                 let q = offset_origin(p * scale, n, scale);
                 let step = (q - p * scale).dot(n);
                 assert!(
-                    step > 0.0 && step < 1e-3 * scale.max(0.1),
+                    step > 1e-7 * scale && step < 1e-3 * scale,
                     "scale {scale}: {step}"
                 );
             }

@@ -13,7 +13,7 @@ mod traits;
 use glam::{Vec2, Vec3};
 
 use super::ray::{Hit, Ray, RayHits};
-use super::vertex::{EdgeEnd, greatest_coordinate};
+use super::vertex::{EdgeEnd, greatest_coordinate, least_extent};
 use crate::math::real::{Mask, Outlined, Real, Vector, Word};
 use crate::math::simd::{F32x8, Lanes, map_array, map_vectors};
 use crate::scene::CompiledScene;
@@ -192,19 +192,21 @@ impl<R: Real> Primitives<R> {
     where
         R: Lanes<N>,
     {
-        match self {
+        let own = match self {
             Primitives::Triangles(Triangles { corners, .. }) => {
                 let extent = greatest_coordinate(corners);
-                if !traits.instanced {
-                    return extent;
+                if traits.instanced {
+                    let moved = map_array(hits.instances, |i| scene.instance_extent(i));
+                    extent.max(R::load(&moved))
+                } else {
+                    extent
                 }
-                let moved = map_array(hits.instances, |i| scene.instance_extent(i));
-                extent.max(R::load(&moved))
             }
             Primitives::Spheres(Spheres { center, radius }) => {
                 greatest_coordinate(&[*center]) + *radius
             }
-        }
+        };
+        own.max(R::splat(least_extent(scene)))
     }
 }
 

@@ -3,8 +3,9 @@
 
 use glam::Vec3;
 
-use super::ray::offset_origin;
+use super::ray::{NEAR_ORIGIN, offset_origin};
 use crate::math::real::{Real, Vector};
+use crate::scene::CompiledScene;
 
 /// Returns the factor from a density per solid angle at `from` to one per area at `to`, where the
 /// unit normal is `n_to`: `|cos| / distance^2` [Veach 1997, 8.2.2.2]. Zero if the points coincide.
@@ -34,7 +35,8 @@ pub struct EdgeEnd<R: Real = f32> {
     /// Unit normal of the surface on either side; zero for a point without a surface.
     pub normal: R::Vec3,
     /// Greatest absolute coordinate of the primitive, in scene units, from which the rounding
-    /// errors of its points follow; any number for a point without a surface.
+    /// errors of its points follow, and at least [`least_extent`], as that of points of other
+    /// lights; any number for a point without a normal.
     pub extent: R,
 }
 
@@ -75,6 +77,19 @@ pub fn greatest_coordinate<V: Vector>(points: &[V]) -> V::Scalar {
         greatest = greatest.max(p.x().abs()).max(p.y().abs()).max(p.z().abs());
     }
     greatest
+}
+
+/// Returns the least extent that points of lights and surfaces have for [`offset_origin`], in scene
+/// units: the scene's greatest absolute coordinate, so that small primitives in a scene of usual size
+/// keep the fixed step near the origin. A scene without bounds counts as one of usual size.
+#[inline(always)]
+pub fn least_extent(scene: &CompiledScene) -> f32 {
+    let greatest = greatest_coordinate(&scene.bounds);
+    if greatest > 0.0 {
+        greatest.min(NEAR_ORIGIN)
+    } else {
+        NEAR_ORIGIN
+    }
 }
 
 /// Returns the normal flipped to the side of `dir`.

@@ -18,7 +18,7 @@ use super::texture::{TexelConversion, TextureWriter};
 use super::xml::Xml;
 use crate::model_differences;
 use lumbre_light::scene::desc::{
-    DelayKind, Distribution, MaskMode, MaterialDesc, Model, TextureSlot,
+    DelayKind, Distribution, Formulas, MaskMode, MaterialDesc, Model, TextureSlot,
 };
 use lumbre_light::scene::{Note, SceneError};
 
@@ -60,7 +60,7 @@ impl SurfaceWriter<'_> {
         let bump = m
             .texture(TextureSlot::Bump)
             .filter(|_| reflects && m.bump_height != 0.0);
-        if bump.is_some() {
+        if bump.is_some() && m.formulas == Formulas::Lumbre {
             self.note(model_differences::BUMPS);
         }
         if normal.is_some() {
@@ -266,7 +266,7 @@ impl SurfaceWriter<'_> {
         self.xml.rgb("specular_reflectance", m.specular);
         self.xml.value("boolean", "nonlinear", m.nonlinear);
         self.facets(false)?;
-        if rough {
+        if rough && m.formulas == Formulas::Lumbre {
             let message = model_differences::rough_plastic(m.distribution, m.roughness.powi(2));
             self.note(message);
         }

@@ -80,6 +80,8 @@ super::gpu_structs! {
         candidate_step: [u32; 2],
         /// Low and high word of the seed.
         seed: [u32; 2],
+        /// Least extent of primitives: see `offset_origin`.
+        least_extent: f32,
         /// Number of triangles: primitive indices from here on are spheres.
         triangle_count: u32,
         /// Number of spheres.

@@ -11,7 +11,7 @@ mod scene;
 mod specialization;
 mod subpaths;
 
-use lumbre_light::scene::compile::{DelayKind, Distribution, MaskMode, Model, Wrap};
+use lumbre_light::scene::compile::{DelayKind, Distribution, Formulas, MaskMode, Model, Wrap};
 use lumbre_light::transport::camera::FilterKind;
 use lumbre_render::path_trace::MAX_PATH_EVENTS;
 
@@ -149,6 +149,7 @@ pub enum ListStep {
 const NAMED: &[(&str, &[&str])] = &[
     ("MODEL", Model::NAMES),
     ("DISTRIBUTION", Distribution::NAMES),
+    ("FORMULAS", Formulas::NAMES),
     ("MASK", MaskMode::NAMES),
     ("WRAP", Wrap::NAMES),
     ("FILTER", FilterKind::NAMES),

@@ -137,6 +137,16 @@ super::gpu_structs! {
         distribution: u32,
         /// 1 if a dielectric is a thin pane, else 0.
         thin: u32,
+        /// FORMULAS_LUMBRE or FORMULAS_MITSUBA.
+        formulas: u32,
+        /// 1 if light passes the interface of plastic as its microfacets let it, else 0.
+        rough_body: u32,
+        /// Transmittance of the microfacets at cosine 0, and its slopes up to the fourth knot.
+        transmittance_grazing: [f32; 4],
+        /// Its slopes up to the eighth knot.
+        transmittance_middle: [f32; 4],
+        /// Its slopes up to the last knot.
+        transmittance_steep: [f32; 4],
         /// 1 if light that is reflected back inside plastic is tinted each time, else 0.
         nonlinear: u32,
         /// Fraction of diffuse light that is reflected back at the inside of plastic.

@@ -12,6 +12,7 @@ use lumbre_light::transport::camera::Camera;
 use lumbre_light::transport::integrator::Settings;
 use lumbre_light::transport::light::Lights;
 use lumbre_light::transport::mis::Heuristic;
+use lumbre_light::transport::vertex::least_extent;
 
 /// Returns the parameters of a job. Each group of fields has a function of its own.
 pub(super) fn job_params(
@@ -78,6 +79,7 @@ fn camera_params(scene: &CompiledScene, job: &lumbre_render::Job) -> layout::Job
 fn geometry_params(params: layout::JobParams, scene: &CompiledScene) -> layout::JobParams {
     let texels = TexelLayout::new(scene);
     layout::JobParams {
+        least_extent: least_extent(scene),
         triangle_count: scene.triangles.len() as u32,
         sphere_count: scene.spheres.len() as u32,
         has_tangents: u32::from(!scene.tangents.is_empty()),

@@ -281,6 +281,8 @@ fn sphere(s: &compile::Sphere) -> layout::Sphere {
 }
 
 fn material(m: &compile::Material) -> layout::Material {
+    let transmittance = m.interface.transmittance.unwrap_or_default();
+    let knots = |first: usize| std::array::from_fn(|i| transmittance[first + i]);
     layout::Material {
         base_color: m.base_color.into(),
         emission: m.emission.into(),
@@ -323,6 +325,11 @@ fn material(m: &compile::Material) -> layout::Material {
         k: m.interface.k.into(),
         distribution: m.interface.distribution as u32,
         thin: m.interface.thin.into(),
+        formulas: m.formulas as u32,
+        rough_body: m.interface.transmittance.is_some().into(),
+        transmittance_grazing: knots(0),
+        transmittance_middle: knots(4),
+        transmittance_steep: knots(8),
         nonlinear: m.interface.nonlinear.into(),
         internal_reflectance: m.interface.internal_reflectance,
         parts: [0; 2],

@@ -43,9 +43,9 @@ struct CameraPath {
     AuxRng aux_rng;
 };
 
-// The functions of a technique, as `CameraPaths` in Rust. The first two return the weight of light
-// that a path hit, and of light outside the scene; the third contributes light to which it connects a
-// vertex.
+// The functions of a technique, which `scatter` and `escape` of `CameraPaths` are in Rust. The first
+// two return the weight of light that a path hit, and of light outside the scene; the third
+// contributes light to which it connects a vertex.
 float technique_hit_weight(LastScatter last, Surface surface);
 float technique_escape_weight(LastScatter last, vec3 dir);
 void technique_connect(

@@ -110,9 +110,9 @@ fn without_surfaces(desc: &SceneDesc, notes: &mut Vec<Note>) -> Result<CompiledS
     Ok(scene)
 }
 
-/// Size of a scene, the diagonal of its bounding box, below which the fixed distance by which rays
-/// start off surfaces near the origin shows.
-const SMALL_SCENE: f32 = 0.01;
+/// Size of a scene, the diagonal of its bounding box, below which products of lengths and densities
+/// can leave the range of single precision.
+const SMALL_SCENE: f32 = 1e-7;
 
 /// Greatest coordinate of a scene relative to its size above which the precision of its coordinates
 /// shows.
@@ -133,8 +133,8 @@ fn note_scale(scene: &CompiledScene, notes: &mut Vec<Note>) {
         )
     } else if size < SMALL_SCENE {
         format!(
-            "the scene measures only {size:.3e} units: rays start 1.5e-5 units off surfaces, which \
-             loses light at this size; scale it up"
+            "the scene measures only {size:.3e} units, where densities leave the range of single \
+             precision; scale it up"
         )
     } else {
         return;

@@ -3,10 +3,12 @@
 use glam::Vec3;
 
 use super::delays::{self, Delays};
+use super::rough_interface::RoughInterface;
 use super::texture_bank::TextureBank;
 use super::{Interface, Material, NONE, Texture, UvMap};
 use crate::scene::desc::{
-    DEFAULT_MATERIAL, MATERIAL_PARAMS, MaterialDesc, Model, SceneDesc, ShadingNormals, TextureSlot,
+    DEFAULT_MATERIAL, Formulas, MATERIAL_PARAMS, MaterialDesc, Model, SceneDesc, ShadingNormals,
+    TextureSlot,
 };
 use crate::scene::{Note, SceneError};
 use crate::value::Value;
@@ -71,6 +73,7 @@ fn compile_material(m: &MaterialDesc, bank: &mut TextureBank, notes: &mut Vec<No
     let translucent = m.model == Model::Translucent;
     let smooth = m.shading_normals == ShadingNormals::Smooth;
     notes.extend(excess_note(m));
+    notes.extend(constant_transmittance_note(m));
     let mut texture = |slot: TextureSlot, used: bool| {
         if used {
             bank.index(m, slot, notes)
@@ -87,6 +90,7 @@ fn compile_material(m: &MaterialDesc, bank: &mut TextureBank, notes: &mut Vec<No
         transmittance: m.transmittance,
         ior: m.ior,
         model: m.model,
+        formulas: m.formulas,
         subsurface: m.subsurface,
         specular_tint: m.specular_tint,
         anisotropic: m.anisotropic,
@@ -144,7 +148,29 @@ fn excess_note(m: &MaterialDesc) -> Option<Note> {
         .then(|| Note::new("", format!("materials.{}", m.name), message))
 }
 
+/// Returns the interface of a plastic whose transmittance is that of its microfacets; `None` for
+/// other materials.
+fn rough_interface(m: &MaterialDesc) -> Option<RoughInterface> {
+    let rough = m.model == Model::Plastic && m.roughness >= m.smooth_below && m.roughness > 0.0;
+    (rough && m.formulas == Formulas::Mitsuba).then(|| RoughInterface {
+        distribution: m.distribution,
+        alpha: f64::from(m.roughness).powi(2),
+        ior: f64::from(m.ior),
+    })
+}
+
+/// Returns the note about a plastic whose transmittance does not follow the texture of its
+/// roughness.
+fn constant_transmittance_note(m: &MaterialDesc) -> Option<Note> {
+    rough_interface(m)?;
+    m.texture(TextureSlot::Roughness)?;
+    let message = "with `formulas` of `mitsuba`, light passes a plastic's interface as its parameter \
+                   `roughness` lets it, whatever the texture";
+    Some(Note::new("", format!("materials.{}", m.name), message))
+}
+
 fn compile_interface(m: &MaterialDesc) -> Interface {
+    let rough = rough_interface(m);
     Interface {
         specular: m.specular,
         eta: m.eta,
@@ -154,11 +180,14 @@ fn compile_interface(m: &MaterialDesc) -> Interface {
         nonlinear: m.nonlinear,
         // The interface transmits equally in both directions, but outwards only from 1 / ior^2 of
         // the solid angle.
-        internal_reflectance: if m.model == Model::Plastic {
-            1.0 - (1.0 - diffuse_reflectance(m.ior)) / (m.ior * m.ior)
-        } else {
-            0.0
+        internal_reflectance: match &rough {
+            Some(rough) => rough.internal_reflectance(),
+            None if m.model == Model::Plastic => {
+                1.0 - (1.0 - diffuse_reflectance(m.ior)) / (m.ior * m.ior)
+            }
+            None => 0.0,
         },
+        transmittance: rough.map(|rough| rough.transmittance()),
     }
 }
 

@@ -12,6 +12,7 @@ mod materials;
 mod memory;
 mod mesh;
 mod resolver;
+mod rough_interface;
 mod shared_texels;
 mod tangents;
 mod texels;
@@ -33,10 +34,11 @@ pub use texels::{Curve, LinearTexels};
 pub use texture::{Footprint, Texture, Uv, UvMap};
 
 use super::desc::CameraDesc;
-pub use super::desc::{DelayKind, Distribution, Lookup, MaskMode, Model, Wrap};
+pub use super::desc::{DelayKind, Distribution, Formulas, Lookup, MaskMode, Model, Wrap};
 use super::{Note, SceneError};
 pub use instancing::{SHARED_FROM, Sharing};
 pub use materials::diffuse_reflectance;
+pub use rough_interface::{KNOT_COSINES, KNOTS, Transmittance};
 
 /// Index that marks the absence of a texture, a light or an instance.
 pub const NONE: u32 = u32::MAX;
@@ -145,6 +147,8 @@ pub struct Material {
     pub emission: Vec3,
     /// Scattering model that the parameters describe.
     pub model: Model,
+    /// Renderer whose formulas hold where renderers differ.
+    pub formulas: Formulas,
     /// Perceptual roughness in 0..=1.
     pub roughness: f32,
     /// 0 dielectric to 1 metal.
@@ -234,6 +238,9 @@ pub struct Interface {
     pub nonlinear: bool,
     /// Fraction of diffuse light that the inside of plastic's interface reflects back.
     pub internal_reflectance: f32,
+    /// Transmittance of plastic's interface by its microfacets; `None` if it is that of a smooth
+    /// one.
+    pub transmittance: Option<Transmittance>,
 }
 
 impl Interface {
@@ -246,6 +253,7 @@ impl Interface {
         thin: false,
         nonlinear: false,
         internal_reflectance: 0.0,
+        transmittance: None,
     };
 }
 

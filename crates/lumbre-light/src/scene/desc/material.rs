@@ -6,7 +6,8 @@ use glam::{Vec2, Vec3};
 
 use super::delay_profile::DelayDesc;
 use super::{
-    Distribution, FilterChoice, Lookup, MaskMode, Model, ShadingNormals, TextureDesc, TextureSlot,
+    Distribution, FilterChoice, Formulas, Lookup, MaskMode, Model, ShadingNormals, TextureDesc,
+    TextureSlot,
 };
 use crate::value::Value;
 use crate::value::schema::{SchemaError, Ty};
@@ -92,6 +93,8 @@ pub struct MaterialDesc {
     pub shading_normals: ShadingNormals,
     /// Albedo of the transmission of the model `translucent`, linear.
     pub transmittance: Vec3,
+    /// Renderer whose formulas hold where renderers differ.
+    pub formulas: Formulas,
     /// Whether an emitting surface also reflects: false in `.scn` files, true in Lumbre's own
     /// scenes.
     pub emitter_reflects: bool,
@@ -143,6 +146,7 @@ impl MaterialDesc {
             texture_filter: FilterChoice::Given,
             shading_normals: ShadingNormals::Smooth,
             transmittance: Vec3::ZERO,
+            formulas: Formulas::Lumbre,
             emitter_reflects: true,
             delay: DelayDesc::default(),
             parts: Vec::new(),

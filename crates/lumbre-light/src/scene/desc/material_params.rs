@@ -4,7 +4,8 @@
 use super::delay::DELAY_PARAMS;
 use super::material::MaterialParam;
 use super::{
-    Distribution, FilterChoice, MaskMode, MaterialDesc, Model, ShadingNormals, TextureSlot,
+    Distribution, FilterChoice, Formulas, MaskMode, MaterialDesc, Model, ShadingNormals,
+    TextureSlot,
 };
 use crate::value::Value;
 use crate::value::schema::Ty;
@@ -228,6 +229,12 @@ const LATER: &[MaterialParam] = rows! {
         "Share of the light that the model `translucent` transmits, in all directions of the other \
          side alike; linear. The base colour is the share that it reflects, and the sum of both \
          should not exceed 1. A texture multiplies it.";
+    choice formulas(Formulas), "",
+        "Renderer whose formulas hold where renderers differ. With `mitsuba`, the body of a rough \
+         `plastic` loses the light that its microfacets scatter more than once; and in the model \
+         `disney` a clear coat does not darken the lobes below it and is brighter, and tinted \
+         reflections become white by Schlick's formula; slopes of bump maps jump from texel to texel. Scenes of \
+         Mitsuba are loaded so.";
 };
 
 #[cfg(test)]

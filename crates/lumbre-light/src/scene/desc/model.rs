@@ -59,6 +59,30 @@ crate::named! {
 }
 
 crate::named! {
+    /// Renderer whose formulas a material follows where renderers differ.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+    pub enum Formulas {
+        /// Those of this program.
+        #[default]
+        Lumbre = "lumbre",
+        /// Mitsuba 3: see the material parameter `formulas`.
+        Mitsuba = "mitsuba",
+    }
+}
+
+impl Formulas {
+    /// Returns whether slopes of bump maps are derivatives, which jump at the middles of texels.
+    pub fn bumps_jump(self) -> bool {
+        self == Formulas::Mitsuba
+    }
+
+    /// Returns whether a tinted reflection becomes white by Schlick's formula.
+    pub fn tint_by_schlick(self) -> bool {
+        self == Formulas::Mitsuba
+    }
+}
+
+crate::named! {
     /// Effect of a mask texture on a hit.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
     pub enum MaskMode {

@@ -2,7 +2,8 @@
 //!
 //! Burley adds the lobe to the layers below. Here the layers below are also seen through the coat
 //! twice, each time without the part that the coat reflects ([`Clearcoat::transmittance`]), so that
-//! a coat never adds energy.
+//! a coat never adds energy. By the formulas of Mitsuba they are not darker, and the lobe lacks the
+//! division by both cosines that Burley's masking contains.
 
 use std::f32::consts::PI;
 
@@ -10,6 +11,7 @@ use super::fresnel::schlick_weight;
 use super::ggx::{Ggx, HalfVector};
 use crate::math::real::{Real, Vector};
 use crate::math::trig;
+use crate::scene::compile::Formulas;
 
 /// Reflectance at normal incidence for the index 1.5.
 const F0: f32 = 0.04;
@@ -28,12 +30,14 @@ pub struct Clearcoat<R = f32> {
     /// Natural logarithm of the squared width. If the strength is zero, any number except zero:
     /// lanes without a coat are evaluated with those that have one.
     pub ln_alpha2: R,
+    /// Renderer whose formulas hold.
+    pub formulas: Formulas,
 }
 
 impl Clearcoat<f32> {
     /// Builds a coat from the parameters `clearcoat` and `clearcoat_gloss`.
     #[inline]
-    pub fn new(clearcoat: f32, gloss: f32) -> Clearcoat {
+    pub fn new(clearcoat: f32, gloss: f32, formulas: Formulas) -> Clearcoat {
         let alpha: f32 = 0.1 + (0.001 - 0.1) * gloss;
         Clearcoat {
             strength: 0.25 * clearcoat,
@@ -43,6 +47,7 @@ impl Clearcoat<f32> {
             } else {
                 -1.0
             },
+            formulas,
         }
     }
 }
@@ -57,6 +62,9 @@ impl<R: Real> Clearcoat<R> {
     /// Returns the transmittance on the way in along one direction and out along another.
     #[inline(always)]
     pub fn transmittance(&self, cos_o: R, cos_i: R) -> R {
+        if self.formulas == Formulas::Mitsuba {
+            return R::splat(1.0);
+        }
         (R::splat(1.0) - self.reflectance(cos_o)) * (R::splat(1.0) - self.reflectance(cos_i))
     }
 
@@ -73,11 +81,15 @@ impl<R: Real> Clearcoat<R> {
     /// cosine between either of them and their half vector.
     #[inline(always)]
     pub fn eval(&self, cos_o: R, cos_i: R, h: &HalfVector<R>, cos_d: R) -> R {
-        R::splat(0.25)
+        let value = R::splat(0.25)
             * self.reflectance(cos_d)
             * self.d(h)
             * masking_over_cos(cos_o)
-            * masking_over_cos(cos_i)
+            * masking_over_cos(cos_i);
+        match self.formulas {
+            Formulas::Lumbre => value,
+            Formulas::Mitsuba => value * (R::splat(4.0) * cos_o * cos_i),
+        }
     }
 
     /// Returns the density per solid angle of reflecting about a normal from [`Clearcoat::sample`].

@@ -49,6 +49,9 @@ pub struct Disney<V: Vector = Vec3> {
     pub ior: V::Scalar,
     /// Tinted reflectance of the opaque dielectric at normal incidence; `None` if untinted.
     pub tinted_f0: Option<V>,
+    /// Share of the tint in `tinted_f0`, by the formulas of Mitsuba; `None` by those of this
+    /// renderer.
+    pub schlick_share: Option<V::Scalar>,
     /// The diffuse lobe.
     pub diffuse: Diffuse<V>,
     /// The microfacets of all lobes except the coat.
@@ -100,7 +103,8 @@ pub fn f0_of<R: Real>(ior: R) -> R {
 impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
     /// Returns the reflectance of the opaque dielectric: the exact Fresnel equations from outside,
     /// tinted at normal incidence and blending to white as the exact reflectance does (the
-    /// adaptation of S0).
+    /// adaptation of S0). By the formulas of Mitsuba, the tinted share blends to white by Schlick's
+    /// formula instead.
     #[inline(always)]
     fn dielectric_reflectance(&self, cos: R) -> V {
         let exact = fresnel::dielectric(cos.abs(), self.ior).reflectance;
@@ -108,6 +112,12 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
             None => V::splat(exact),
             Some(tinted) => {
                 let f0 = f0_of(self.ior);
+                if let Some(share) = self.schlick_share {
+                    let white = fresnel::schlick_weight(cos.abs());
+                    let rest = R::splat(1.0) - white;
+                    let plain = (R::splat(1.0) - share) * (exact - f0 * rest);
+                    return tinted * rest + V::splat(plain + share * white);
+                }
                 // The reflectance of a high index dips below its value at normal incidence before
                 // it rises.
                 let blend = (exact - f0) / (R::splat(1.0) - f0);
@@ -483,6 +493,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> LocalBsdf<R> for Disney<V> {
                 &f0,
                 &[self.coat.strength, self.coat.alpha, self.coat.ln_alpha2],
                 &[diffuse, reflection, rise],
+                &[self.schlick_share.unwrap_or(R::splat(0.0))],
             ]),
             smooth: self.smooth.any(),
             lobes: [
@@ -505,6 +516,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> LocalBsdf<R> for Disney<V> {
             anisotropic,
             tinted,
             one_sided,
+            formulas,
             ..
         } = class.bsdf;
         Disney {
@@ -526,10 +538,12 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> LocalBsdf<R> for Disney<V> {
             one_sided,
             smooth: R::Mask::splat(class.smooth),
             tinted_f0: tinted.then(|| n.vector(14)),
+            schlick_share: formulas.tint_by_schlick().then(|| n.get(23)),
             coat: Clearcoat {
                 strength: n.get(17),
                 alpha: n.get(18),
                 ln_alpha2: n.get(19),
+                formulas,
             },
             estimate: LobeEstimate {
                 diffuse: n.get(20),

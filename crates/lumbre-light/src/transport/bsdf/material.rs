@@ -6,7 +6,7 @@ use glam::Vec3;
 use super::clearcoat::Clearcoat;
 use super::ggx;
 use crate::math::real::Vector;
-use crate::scene::compile::{Distribution, Material, Model};
+use crate::scene::compile::{Distribution, Formulas, KNOTS, Material, Model};
 
 /// Traits of a material that are the same in all lanes of a vector, so that code may branch on
 /// them.
@@ -18,6 +18,10 @@ pub struct BsdfClass {
     pub distribution: Distribution,
     /// Whether glass is a thin pane.
     pub thin: bool,
+    /// Renderer whose formulas hold where renderers differ.
+    pub formulas: Formulas,
+    /// Whether light passes the interface of plastic as its microfacets let it.
+    pub rough_body: bool,
     /// Whether light that plastic reflects internally is coloured at each reflection.
     pub nonlinear: bool,
     /// Whether opaque lobes reflect on the front side only.
@@ -55,6 +59,9 @@ pub struct MaterialConstants<V: Vector = Vec3> {
     pub k: V,
     /// Fraction of diffuse light that the inside of plastic's interface reflects back.
     pub internal_reflectance: V::Scalar,
+    /// Transmittance of plastic's interface by its microfacets, as
+    /// [`Transmittance`](crate::scene::compile::Transmittance); of `rough_body` alone.
+    pub transmittance: [V::Scalar; KNOTS],
 }
 
 impl BsdfClass {
@@ -65,6 +72,8 @@ impl BsdfClass {
             model: m.model,
             distribution: m.interface.distribution,
             thin: m.interface.thin,
+            formulas: m.formulas,
+            rough_body: m.interface.transmittance.is_some(),
             nonlinear: m.interface.nonlinear,
             one_sided: m.one_sided,
             anisotropic: m.anisotropic != 0.0,
@@ -86,11 +95,12 @@ impl MaterialConstants {
             specular_tint: m.specular_tint,
             sheen: m.sheen,
             sheen_tint: m.sheen_tint,
-            coat: Clearcoat::new(m.clearcoat, m.clearcoat_gloss),
+            coat: Clearcoat::new(m.clearcoat, m.clearcoat_gloss, m.formulas),
             specular: p.specular,
             eta: p.eta,
             k: p.k,
             internal_reflectance: p.internal_reflectance,
+            transmittance: p.transmittance.unwrap_or_default(),
         }
     }
 }

@@ -52,6 +52,12 @@ impl<R: Real> Numbers<R> {
         [self.0[at], self.0[at + 1]]
     }
 
+    /// Returns numbers from an index on.
+    #[inline(always)]
+    pub fn array<const COUNT: usize>(&self, at: usize) -> [R; COUNT] {
+        std::array::from_fn(|i| self.0[at + i])
+    }
+
     /// Returns the vector that starts at an index.
     #[inline(always)]
     pub fn vector(&self, at: usize) -> R::Vec3 {

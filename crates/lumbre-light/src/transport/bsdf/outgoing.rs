@@ -130,6 +130,8 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> InterfaceOutgoing<V> {
 pub struct PlasticSide<R = f32> {
     /// Reflectance of the smooth surface.
     pub(super) reflectance: R,
+    /// Transmittance of the surface on the way to the body or back.
+    pub(super) through: R,
     /// Probability of sampling the surface reflection.
     pub(super) surface: R,
 }
@@ -141,6 +143,7 @@ impl<R: Real> PlasticSide<R> {
         let zero = R::splat(0.0);
         PlasticSide {
             reflectance: zero,
+            through: zero,
             surface: zero,
         }
     }

@@ -6,9 +6,9 @@ use super::material::{BsdfClass, MaterialConstants};
 use super::model::BsdfModel;
 use super::numbers::{Numbers, PackedClass};
 use super::{Bsdf, Orientation};
-use crate::math::real::{Outlined, Real};
+use crate::math::real::{Outlined, Real, Vector};
 use crate::math::simd::{F32x8, Lanes, map_array};
-use crate::scene::compile::Material;
+use crate::scene::compile::{KNOTS, Material};
 use crate::transport::surface::{ShadingParameters, TexturedParameters};
 
 /// A material's BSDF with the values of its parameters, without those of textures.
@@ -34,7 +34,7 @@ impl PackedBsdf {
             lobes: [false; 7],
         };
         let numbers = if varies {
-            constant_numbers(&constants)
+            constant_numbers(&class.bsdf, &constants)
         } else {
             let packed = model.packed();
             class.has_density = model.traits().has_density;
@@ -89,7 +89,8 @@ impl<R: Lanes<N>, const N: usize> Outlined for Unpacking<'_, R, N> {
         let numbers = load_numbers::<R, N>(self.packed);
         let model = match self.parameters {
             Some(parameters) => {
-                BsdfModel::new(&self.class.bsdf, &load_constants(&numbers), parameters)
+                let constants = load_constants(&self.class.bsdf, &numbers);
+                BsdfModel::new(&self.class.bsdf, &constants, parameters)
             }
             None => BsdfModel::load(self.class, &numbers),
         };
@@ -110,36 +111,62 @@ fn load_numbers<R: Lanes<N>, const N: usize>(packed: [&PackedBsdf; N]) -> Number
 }
 
 /// Returns the constants of a material as numbers, which [`load_constants`] loads.
-fn constant_numbers(m: &MaterialConstants) -> Numbers<f32> {
+fn constant_numbers(class: &BsdfClass, m: &MaterialConstants) -> Numbers<f32> {
+    let common = [m.ior, m.aspect, m.smooth_below, m.internal_reflectance];
+    if class.rough_body {
+        return Numbers::of(&[&common, m.specular.as_ref(), &m.transmittance]);
+    }
     Numbers::of(&[
-        &[m.ior, m.aspect, m.smooth_below, m.internal_reflectance],
+        &common,
+        m.specular.as_ref(),
         &[m.subsurface, m.specular_tint, m.sheen, m.sheen_tint],
         &[m.coat.strength, m.coat.alpha, m.coat.ln_alpha2],
-        m.specular.as_ref(),
         m.eta.as_ref(),
         m.k.as_ref(),
     ])
 }
 
-/// Builds the constants of [`constant_numbers`].
+/// Builds the constants of [`constant_numbers`]; those that the class has no use for are zero.
 #[inline(always)]
-fn load_constants<R: Real>(n: &Numbers<R>) -> MaterialConstants<R::Vec3> {
-    MaterialConstants {
+fn load_constants<R: Real>(class: &BsdfClass, n: &Numbers<R>) -> MaterialConstants<R::Vec3> {
+    let zero = R::splat(0.0);
+    let mut constants = MaterialConstants {
         ior: n.get(0),
         aspect: n.get(1),
         smooth_below: n.get(2),
         internal_reflectance: n.get(3),
-        subsurface: n.get(4),
-        specular_tint: n.get(5),
-        sheen: n.get(6),
-        sheen_tint: n.get(7),
+        specular: n.vector(4),
+        subsurface: zero,
+        specular_tint: zero,
+        sheen: zero,
+        sheen_tint: zero,
         coat: Clearcoat {
-            strength: n.get(8),
-            alpha: n.get(9),
-            ln_alpha2: n.get(10),
+            strength: zero,
+            alpha: zero,
+            ln_alpha2: zero,
+            formulas: class.formulas,
         },
-        specular: n.vector(11),
+        eta: R::Vec3::splat(zero),
+        k: R::Vec3::splat(zero),
+        transmittance: [zero; KNOTS],
+    };
+    if class.rough_body {
+        constants.transmittance = n.array(7);
+        return constants;
+    }
+    MaterialConstants {
+        subsurface: n.get(7),
+        specular_tint: n.get(8),
+        sheen: n.get(9),
+        sheen_tint: n.get(10),
+        coat: Clearcoat {
+            strength: n.get(11),
+            alpha: n.get(12),
+            ln_alpha2: n.get(13),
+            ..constants.coat
+        },
         eta: n.vector(14),
         k: n.vector(17),
+        ..constants
     }
 }

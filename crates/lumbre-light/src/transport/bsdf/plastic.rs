@@ -2,9 +2,10 @@
 //! the two [Weidlich & Wilkie 2007, as simplified by Mitsuba and Tungsten].
 //!
 //! The transmittance of the surface is computed from the exact Fresnel equations at the macroscopic
-//! cosine, even if the surface is rough, as in Tungsten; Mitsuba 3 tabulates the rough
-//! transmittance. With the smooth one a rough white plastic reflects up to 1 % more than it
-//! receives at some angles, and less at grazing ones; tests bound this.
+//! cosine, even if the surface is rough, as in Tungsten. With it a rough white plastic reflects up
+//! to 1 % more than it receives at some angles, and less at grazing ones; tests bound this. The
+//! formulas of Mitsuba take the transmittance of the microfacets instead, whose losses a white body
+//! has, too.
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -18,6 +19,7 @@ use super::outgoing::{InterfaceOutgoing, PlasticSide};
 use super::{LobeSample, MixtureSample, TransportMode, fresnel};
 use crate::math::real::{Mask, Real, Vector};
 use crate::math::warp;
+use crate::scene::compile::{KNOT_COSINES, KNOTS};
 
 /// Plastic at a point of a surface, scalar or vectorised.
 #[derive(Clone, Copy, Debug)]
@@ -30,6 +32,10 @@ pub struct Plastic<V: Vector = Vec3> {
     pub specular: V,
     /// Index of the surface relative to the outside.
     pub ior: V::Scalar,
+    /// Transmittance of the microfacets, as
+    /// [`Transmittance`](crate::scene::compile::Transmittance); `None` if it is that of a smooth
+    /// surface.
+    pub transmittance: Option<[V::Scalar; KNOTS]>,
     /// Microfacets of the surface.
     pub facets: Facets<V::Scalar>,
 }
@@ -63,9 +69,21 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Plastic<V> {
             body,
             specular,
             ior,
+            transmittance: None,
             facets,
         }
     }
+}
+
+/// Returns a [`Transmittance`](crate::scene::compile::Transmittance) at a cosine.
+#[inline(always)]
+fn rough_transmittance<R: Real>(transmittance: &[R; KNOTS], cos: R) -> R {
+    let mut sum = transmittance[0];
+    for k in 1..KNOTS {
+        let [from, to] = [KNOT_COSINES[k - 1], KNOT_COSINES[k]];
+        sum = sum + transmittance[k] * (cos - R::splat(from)).clamp(0.0, to - from);
+    }
+    sum
 }
 
 impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Interface<R> for Plastic<V> {
@@ -79,23 +97,28 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Interface<R> for Plastic<V> {
         facets: Facets<R>,
     ) -> Plastic<V> {
         let internal = (m.internal_reflectance, class.nonlinear);
-        Plastic::new(base_color, m.specular, m.ior, internal, facets)
+        Plastic {
+            transmittance: class.rough_body.then_some(m.transmittance),
+            ..Plastic::new(base_color, m.specular, m.ior, internal, facets)
+        }
     }
 
     #[inline(always)]
     fn body_numbers(&self) -> Vec<R> {
         let [specular, diffuse, body] =
             [self.specular, self.diffuse, self.body].map(Numbers::<R>::of_vector);
-        [&specular[..], &[self.ior], &diffuse, &body].concat()
+        let transmittance = self.transmittance.as_ref().map_or(&[][..], |t| t);
+        [&specular[..], &[self.ior], &diffuse, &body, transmittance].concat()
     }
 
     #[inline(always)]
-    fn load_body(_: &BsdfClass, n: &Numbers<R>, facets: Facets<R>) -> Plastic<V> {
+    fn load_body(class: &BsdfClass, n: &Numbers<R>, facets: Facets<R>) -> Plastic<V> {
         Plastic {
             specular: n.vector(2),
             ior: n.get(5),
             diffuse: n.vector(6),
             body: n.vector(9),
+            transmittance: class.rough_body.then(|| n.array(12)),
             facets,
         }
     }
@@ -114,6 +137,10 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Interface<R> for Plastic<V> {
         let some = (surface + body).gt(R::splat(0.0));
         PlasticSide {
             reflectance: r,
+            through: match &self.transmittance {
+                Some(transmittance) => rough_transmittance(transmittance, cos),
+                None => R::splat(1.0) - r,
+            },
             surface: R::select(some, surface / (surface + body), R::splat(0.5)),
         }
     }
@@ -133,7 +160,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Interface<R> for Plastic<V> {
             return (black, [zero; 2]);
         }
         let sides = [out.plastic, self.side(i.z())];
-        let [through_o, through_i] = [one - sides[0].reflectance, one - sides[1].reflectance];
+        let [through_o, through_i] = sides.map(|side| side.through);
         let surface = [sides[0].surface, sides[1].surface];
         let mut f = self.body * (through_o * through_i * R::splat(FRAC_1_PI));
         let mut pdf = [
@@ -172,6 +199,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Interface<R> for Plastic<V> {
         let PlasticSide {
             reflectance,
             surface,
+            ..
         } = out.plastic;
         let to_body = u.ge(surface);
         let to_mirror = !to_body & self.facets.smooth;

@@ -8,6 +8,7 @@ use super::{LightId, SelectedLights};
 use crate::math::real::{Mask, Vector};
 use crate::math::simd::Lanes;
 use crate::scene::{CompiledScene, compile};
+use crate::transport::vertex::least_extent;
 
 /// Declares the functions that ask for properties of a kind.
 macro_rules! facts {
@@ -26,7 +27,9 @@ macro_rules! facts {
                         light.facts(scene, context)
                     })+
                 };
-                facts.rows[1].0[7] = kind.number();
+                let [.., extent, number] = &mut facts.rows[1].0;
+                *extent = extent.max(least_extent(scene));
+                *number = kind.number();
                 Some(facts)
             }
         }

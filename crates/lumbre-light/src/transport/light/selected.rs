@@ -198,7 +198,7 @@ impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
         (self.vector(0), self.rows[0][3])
     }
 
-    /// Returns the extents of emissive primitives, and 0 for other lights.
+    /// Returns the extents of the lights' points: see [`EdgeEnd::extent`](crate::transport::vertex::EdgeEnd::extent).
     #[inline(always)]
     pub fn extent(&self) -> R {
         self.rows[1][6]

@@ -156,8 +156,9 @@ impl LightId {
 }
 
 /// Rows of one light. The second row ends with radiance (intensity of a point light, irradiance of a
-/// directional light), flags, the extent of a primitive
-/// ([`EdgeEnd::extent`](crate::transport::vertex::EdgeEnd::extent)) or 0, and the number of the kind.
+/// directional light), flags, the extent of the light's points
+/// ([`EdgeEnd::extent`](crate::transport::vertex::EdgeEnd::extent)), and the number of the kind; the
+/// last two are completed by [`LightId::facts`].
 ///
 /// | kind | first row | start of the second row | flags |
 /// |---|---|---|---|

@@ -163,14 +163,24 @@ fn sphere_axes<V: Vector>(n: V) -> MapAxes<V> {
 /// that start at its first corner, or on a sphere along the whole range of u and of v.
 ///
 /// Slopes are differences over one texel about the point: they are continuous, whereas the
-/// derivatives of the interpolated map are discontinuous at the middles of texels.
+/// derivatives of the interpolated map are discontinuous at the middles of texels. The formulas of
+/// Mitsuba are these derivatives: differences over the texel between two middles.
 #[inline]
 fn bump_rises(scene: &CompiledScene, m: &Material, primitive: u32, uv: Uv) -> [f32; 2] {
     let map = &scene.textures[m.bump_texture as usize];
     let place = map.image_uv(uv, m.tiling);
     let texel = Vec2::new(1.0 / map.width as f32, 1.0 / map.height as f32);
-    let rise = |step: Vec2| map.filtered(place + step * 0.5).x - map.filtered(place - step * 0.5).x;
-    let slopes = Vec2::new(rise(Vec2::new(texel.x, 0.0)), rise(Vec2::new(0.0, texel.y))) / texel;
+    let between = if m.formulas.bumps_jump() {
+        ((place / texel - 0.5).floor() + 1.0) * texel
+    } else {
+        place
+    };
+    let rise = |place: Vec2, step: Vec2| {
+        map.filtered(place + step * 0.5).x - map.filtered(place - step * 0.5).x
+    };
+    let along_u = rise(Vec2::new(between.x, place.y), Vec2::new(texel.x, 0.0));
+    let along_v = rise(Vec2::new(place.x, between.y), Vec2::new(0.0, texel.y));
+    let slopes = Vec2::new(along_u, along_v) / texel;
     // Slopes along the map's own coordinates, then along those of the surface.
     let slopes = map
         .lookup

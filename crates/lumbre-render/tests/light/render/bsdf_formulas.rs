@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use glam::{DVec3, Vec3};
 use lumbre_light::math::Frame;
 use lumbre_light::math::warp::uniform_sphere;
-use lumbre_light::scene::compile::Material;
+use lumbre_light::scene::compile::{Formulas, Material};
 use lumbre_light::transport::bsdf::{Bsdf, TransportMode};
 use lumbre_light::transport::surface::Surface;
 
@@ -62,7 +62,10 @@ fn coat(m: &Material, o: DVec3, i: DVec3, h: DVec3) -> (f64, f64) {
     let a = 0.1 * (1.0 - f64::from(m.clearcoat_gloss)) + 0.001 * f64::from(m.clearcoat_gloss);
     let gtr1 = (a * a - 1.0) / (PI * (a * a).ln() * (1.0 + (a * a - 1.0) * h.z * h.z));
     let value = f(o.dot(h)) * gtr1 * g1(o, [0.25; 2]) * g1(i, [0.25; 2]) / (4.0 * o.z * i.z);
-    ((1.0 - f(o.z)) * (1.0 - f(i.z.abs())), value)
+    match m.formulas {
+        Formulas::Lumbre => ((1.0 - f(o.z)) * (1.0 - f(i.z.abs())), value),
+        Formulas::Mitsuba => (1.0, value * 4.0 * o.z * i.z),
+    }
 }
 
 /// Returns the value for radiance; `z` is the shading normal.
@@ -113,10 +116,13 @@ fn reference(m: &Material, mut o: DVec3, mut i: DVec3) -> DVec3 {
     let dielectric = (tint(m.specular_tint) * f0)
         .min(DVec3::ONE)
         .lerp(DVec3::ONE, (exact - f0) / (1.0 - f0));
-    let dielectric = if m.specular_tint > 0.0 {
-        dielectric.max(DVec3::ZERO)
-    } else {
-        DVec3::splat(exact)
+    // The share of the tint by Schlick's formula, as in `principled` of Mitsuba.
+    let share = f64::from(m.specular_tint);
+    let by_schlick = (tint(1.0) * f0).lerp(DVec3::ONE, schlick(cos));
+    let dielectric = match m.formulas {
+        _ if share == 0.0 => DVec3::splat(exact),
+        Formulas::Lumbre => dielectric.max(DVec3::ZERO),
+        Formulas::Mitsuba => DVec3::splat(exact).lerp(by_schlick, share),
     };
     let metal = base + (DVec3::ONE - base) * schlick(cos);
     // S0, figure 4.11.

@@ -4,7 +4,7 @@ use glam::Vec3;
 use lumbre_light::math::Frame;
 use lumbre_light::math::rng::{pcg4d, unit};
 use lumbre_light::scene::compile::{
-    Distribution, Interface, Material, Model, NONE, Uv, diffuse_reflectance,
+    Distribution, Formulas, Interface, Material, Model, NONE, Uv, diffuse_reflectance,
 };
 use lumbre_light::transport::bsdf::{Bsdf, TransportMode};
 use lumbre_light::transport::surface::Surface;
@@ -75,8 +75,9 @@ pub enum Mix {
     All,
 }
 
-/// Returns five materials of a mixture for every roughness: plain, anisotropic, with a satin coat,
-/// with a glossy coat, and cloth with an index of refraction below one.
+/// Returns six materials of a mixture for every roughness: plain, anisotropic, with a satin coat,
+/// with a glossy coat, cloth with an index of refraction below one, and a tinted one with a coat by
+/// the formulas of Mitsuba.
 pub fn grid(mix: Mix) -> Vec<Material> {
     let [metallic, opacity] = match mix {
         Mix::Opaque => [0.0, 1.0],
@@ -116,6 +117,13 @@ pub fn grid(mix: Mix) -> Vec<Material> {
             sheen_tint: 0.5,
             specular_tint: 0.8,
             ior: 0.7,
+            ..plain
+        });
+        all.push(Material {
+            formulas: Formulas::Mitsuba,
+            clearcoat: 1.0,
+            clearcoat_gloss: 0.5,
+            specular_tint: 0.8,
             ..plain
         });
     }
@@ -179,11 +187,17 @@ pub fn interfaces() -> Vec<Material> {
             specular: Vec3::splat(0.7),
             ..interface
         };
-        all.push(Material {
-            model: Model::Plastic,
-            interface,
-            ..plain
-        });
+        let transmittance = [0.3, 1.5, 1.2, 1.0, 0.8, 0.5, 0.3, 0.2, 0.1, 0.1, 0.05, 0.02];
+        for transmittance in [None, Some(transmittance)] {
+            all.push(Material {
+                model: Model::Plastic,
+                interface: Interface {
+                    transmittance,
+                    ..interface
+                },
+                ..plain
+            });
+        }
         all.push(Material {
             model: Model::Dielectric,
             opacity: 0.0,

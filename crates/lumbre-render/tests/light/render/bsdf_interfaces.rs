@@ -1,7 +1,10 @@
 //! Metals, plastic and glass with one interface: their reflection compared with closed forms.
 
 use glam::Vec3;
-use lumbre_light::scene::compile::{Distribution, Interface, Material, Model, diffuse_reflectance};
+use lumbre_light::scene::compile::{
+    self, Distribution, Formulas, Interface, Material, Model, diffuse_reflectance,
+};
+use lumbre_light::scene::desc::{MaterialDesc, SceneDesc};
 use lumbre_light::transport::bsdf::{TransportMode, fresnel};
 
 use crate::common::WHITE;
@@ -200,4 +203,154 @@ fn beckmann_tails_are_lower_than_ggx_tails() {
     };
     assert!(at(Distribution::Ggx, 0.3) > 5.0 * at(Distribution::Beckmann, 0.3));
     assert!(at(Distribution::Beckmann, 0.93) > at(Distribution::Ggx, 0.93));
+}
+
+/// Returns a material, compiled.
+fn compiled(desc: MaterialDesc) -> Material {
+    let desc = SceneDesc {
+        materials: vec![desc].into(),
+        ..SceneDesc::default()
+    };
+    compile::compile(&desc).unwrap().0.materials[0]
+}
+
+/// Values are those of `bsdf.eval` of Mitsuba 3.9.1 over the cosine, in single precision. Transmittances
+/// of rough interfaces are piecewise linear here between fewer cosines.
+#[test]
+fn formulas_of_mitsuba_have_its_values() {
+    let plastic = |distribution, alpha: f32, nonlinear| MaterialDesc {
+        model: Model::Plastic,
+        roughness: alpha.sqrt(),
+        distribution,
+        nonlinear,
+        ..MaterialDesc::new("m")
+    };
+    let (ggx, beckmann) = (Distribution::Ggx, Distribution::Beckmann);
+    let coat = MaterialDesc {
+        roughness: 0.4,
+        clearcoat: 1.0,
+        clearcoat_gloss: 0.5,
+        ..MaterialDesc::new("m")
+    };
+    let tint = MaterialDesc {
+        roughness: 0.4,
+        specular_tint: 0.8,
+        ..MaterialDesc::new("m")
+    };
+    let cases = [
+        (
+            plastic(ggx, 0.1, true),
+            [
+                [0.151, 0.06992, 0.03264],
+                [0.17672, 0.10916, 0.07808],
+                [0.08989, 0.04081, 0.01824],
+                [0.46062, 0.3837, 0.34832],
+            ],
+        ),
+        (
+            plastic(ggx, 0.1, false),
+            [
+                [0.20547, 0.11895, 0.06127],
+                [0.22211, 0.15001, 0.10194],
+                [0.12286, 0.07048, 0.03557],
+                [0.5123, 0.43021, 0.37548],
+            ],
+        ),
+        (
+            plastic(ggx, 0.3, true),
+            [
+                [0.13605, 0.07221, 0.03927],
+                [0.20943, 0.15508, 0.12704],
+                [0.09154, 0.04612, 0.0227],
+                [0.23337, 0.17402, 0.14341],
+            ],
+        ),
+        (
+            plastic(ggx, 0.3, false),
+            [
+                [0.16247, 0.0979, 0.05485],
+                [0.23193, 0.17696, 0.14031],
+                [0.11034, 0.0644, 0.03378],
+                [0.25793, 0.19791, 0.15789],
+            ],
+        ),
+        (
+            plastic(beckmann, 0.1, true),
+            [
+                [0.15298, 0.06757, 0.02935],
+                [0.12863, 0.05847, 0.02707],
+                [0.07941, 0.03507, 0.01523],
+                [0.62038, 0.53906, 0.50266],
+            ],
+        ),
+        (
+            plastic(beckmann, 0.1, false),
+            [
+                [0.2166, 0.12377, 0.06189],
+                [0.1809, 0.10464, 0.0538],
+                [0.11243, 0.06425, 0.03212],
+                [0.68096, 0.59258, 0.53365],
+            ],
+        ),
+        (
+            plastic(beckmann, 0.3, true),
+            [
+                [0.16087, 0.08283, 0.04622],
+                [0.30315, 0.2363, 0.20495],
+                [0.10381, 0.04735, 0.02087],
+                [0.27675, 0.20338, 0.16897],
+            ],
+        ),
+        (
+            plastic(beckmann, 0.3, false),
+            [
+                [0.20941, 0.12711, 0.07224],
+                [0.34472, 0.27423, 0.22723],
+                [0.13893, 0.07939, 0.03969],
+                [0.32238, 0.24501, 0.19343],
+            ],
+        ),
+        (
+            coat,
+            [
+                [0.23504, 0.13954, 0.07588],
+                [0.31616, 0.22532, 0.16476],
+                [0.25552, 0.14673, 0.0742],
+                [0.53599, 0.44091, 0.37752],
+            ],
+        ),
+        (
+            tint,
+            [
+                [0.2331, 0.13382, 0.06763],
+                [0.30799, 0.19398, 0.11797],
+                [0.25581, 0.1463, 0.07329],
+                [0.51543, 0.33163, 0.2091],
+            ],
+        ),
+    ];
+    let pairs = [
+        ([0.9, 0.0], [0.8, 2.0]),
+        ([0.3, 1.0], [0.7, 4.0]),
+        ([0.1, 0.0], [0.5, 0.5]),
+        ([0.6, 0.0], [0.6, 3.3]),
+    ];
+    for (desc, values) in cases {
+        let material = compiled(MaterialDesc {
+            base_color: Vec3::new(0.7, 0.4, 0.2),
+            formulas: Formulas::Mitsuba,
+            ..desc.clone()
+        });
+        for ((o, i), expected) in pairs.into_iter().zip(values) {
+            let [wo, wi] = [o, i].map(|[cos, azimuth]| direction(cos, azimuth));
+            let found = bsdf(&material).eval(wo, wi, TransportMode::Radiance);
+            let error = (found / Vec3::from_array(expected) - 1.0)
+                .abs()
+                .max_element();
+            assert!(
+                error < 0.006,
+                "{desc:?} at {o:?} {i:?}: {found}, not {expected:?}"
+            );
+        }
+    }
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{Affine2, Vec2, Vec3};
 use lumbre_light::scene::compile::{Material, NONE, Texture};
 use lumbre_light::scene::desc::{
-    Lookup, MaterialDesc, Texels, TextureDesc, TextureSlot, texture_hash,
+    Formulas, Lookup, MaterialDesc, Texels, TextureDesc, TextureSlot, texture_hash,
 };
 use lumbre_light::transport::ray::{Hit, Ray};
 use lumbre_light::transport::surface::Surface;
@@ -238,5 +238,28 @@ fn bumps_never_turn_a_normal_behind_its_triangle_and_need_coordinates_with_area(
             .n_shading,
             Vec3::Z
         );
+    }
+}
+
+/// The step of heights from 0 to 1 lies between the middles of two texels. At x = 0.4, a quarter of a
+/// texel behind the first, a difference over one texel has 0.6 of its slope, and the derivative all.
+#[test]
+fn slopes_are_differences_over_a_texel_or_derivatives_by_the_formulas_of_mitsuba() {
+    let uvs = SQUARE.map(Vec3::truncate);
+    let step = heights(4, vec![0.0, 0.0, 1.0, 1.0]);
+    for (formulas, at_04, at_03) in [(Formulas::Lumbre, 2.4, 0.8), (Formulas::Mitsuba, 4.0, 0.0)] {
+        let m = MaterialDesc {
+            formulas,
+            ..bump_mapped(Arc::clone(&step), 0.1)
+        };
+        let scene = mesh(&SQUARE, &[], &uvs, m);
+        for (barycentric, slope) in [([0.2, 0.2], at_04), ([0.15, 0.15], at_03)] {
+            let n = at(&scene, 0, barycentric).n_shading;
+            let expected = Vec3::new(-0.1 * slope, 0.0, 1.0).normalize_or(Vec3::Z);
+            assert!(
+                (n - expected).length() < 1e-5,
+                "{formulas:?}: {n}, not {expected}"
+            );
+        }
     }
 }

@@ -18,7 +18,7 @@ use super::text::{Text, vector};
 use crate::model_differences;
 use crate::names::UniqueNames;
 use lumbre_light::scene::desc::{
-    DEFAULT_MATERIAL, DelayKind, Distribution, MaskMode, MaterialDesc, Model, SceneDesc,
+    DEFAULT_MATERIAL, DelayKind, Distribution, Formulas, MaskMode, MaterialDesc, Model, SceneDesc,
     ShadingNormals, TextureFilter, TextureSlot, Wrap,
 };
 use lumbre_light::scene::{Note, SceneError};
@@ -165,6 +165,12 @@ impl Surfaces<'_> {
             (
                 m.model == Model::Plastic && !m.nonlinear,
                 "plastic without `nonlinear`: internal reflections are coloured",
+            ),
+            (
+                m.formulas == Formulas::Mitsuba
+                    && (m.model == Model::Plastic && m.roughness >= m.smooth_below
+                        || m.model == Model::Disney && m.clearcoat > 0.0),
+                "`formulas` of `mitsuba`: those of this renderer come nearest",
             ),
             (
                 m.anisotropic > 0.0 && m.anisotropic_direction != Vec3::ZERO,

@@ -4,6 +4,7 @@ mod adapters;
 mod old;
 
 use std::collections::BTreeSet;
+use std::f32::consts::{FRAC_1_SQRT_2, FRAC_PI_2};
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -19,7 +20,7 @@ use crate::names::UniqueNames;
 use lumbre_light::scene::desc::material::SMOOTH_ROUGHNESS;
 use lumbre_light::scene::desc::material_params::MIN_IOR;
 use lumbre_light::scene::desc::{
-    Distribution, MaterialDesc, Model, Texels, TextureDesc, TextureSlot,
+    Distribution, Formulas, MaterialDesc, Model, Texels, TextureDesc, TextureSlot,
 };
 use lumbre_light::scene::{Note, SceneError};
 
@@ -139,9 +140,14 @@ impl BsdfReader<'_> {
                 self.base(o, "reflectance", 0.5)
             }
             "roughdiffuse" => {
-                o.mark_read(&["alpha", "useFastApprox", "use_fast_approx"]);
-                self.notes.push(o.note(model_differences::ROUGH_DIFFUSE));
-                self.m.model = Model::Lambert;
+                // `alpha` is the deviation of the slopes of both axes together.
+                let alpha = self.unit_number(o, "alpha", 0.2, None)?;
+                let sigma = alpha * FRAC_1_SQRT_2;
+                (self.m.model, self.m.roughness) = (Model::OrenNayar, sigma / FRAC_PI_2);
+                let fast = ["useFastApprox", "use_fast_approx"];
+                if !(o.flag(fast[0], false)? || o.flag(fast[1], false)?) {
+                    self.notes.push(o.note(model_differences::ROUGH_DIFFUSE));
+                }
                 self.base(o, "reflectance", 0.5)
             }
             "difftrans" => {
@@ -168,7 +174,7 @@ impl BsdfReader<'_> {
             "roughplastic" => {
                 self.plastic(o)?;
                 self.rough(o)?;
-                self.note_rough_plastic(o);
+                self.m.formulas = Formulas::Mitsuba;
                 Ok(())
             }
             "principled" => self.principled(o),
@@ -430,17 +436,6 @@ impl BsdfReader<'_> {
         Ok(())
     }
 
-    /// Notes the light that Mitsuba's rough plastic loses.
-    fn note_rough_plastic(&mut self, o: &XmlObject) {
-        let alpha = if self.m.texture(TextureSlot::Roughness).is_some() {
-            1.0
-        } else {
-            self.m.roughness.powi(2)
-        };
-        let message = model_differences::rough_plastic(self.m.distribution, alpha);
-        self.notes.push(o.note(message));
-    }
-
     /// Reads a texture of numbers.
     fn number_texture(&mut self, o: &Rc<XmlObject>) -> Result<Option<LoadedTexture>, SceneError> {
         let Some(read) = self.textures.read(o, self.notes)? else {
@@ -489,8 +484,9 @@ impl BsdfReader<'_> {
             "main_specular_sampling_rate",
             "clearcoat_sampling_rate",
         ]);
-        for message in model_differences::principled(&self.m) {
-            self.notes.push(o.note(message));
+        // Where the formulas agree, the material is that of any other file.
+        if self.m.clearcoat > 0.0 || self.m.specular_tint > 0.0 {
+            self.m.formulas = Formulas::Mitsuba;
         }
         Ok(())
     }

@@ -68,8 +68,8 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`roughdiffuse`",
-        support: "`reflectance`; a plugin of version 0.6, which version 3 lacks",
-        limits: "`alpha` is noted",
+        support: "`reflectance`, `alpha`; a plugin of version 0.6, which version 3 lacks",
+        limits: "textures of `alpha`, and light from facet to facet, are noted",
     },
     SupportedElement {
         name: "`difftrans`",

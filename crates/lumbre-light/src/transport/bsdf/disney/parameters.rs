@@ -50,6 +50,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
             refractive,
             ior: m.ior,
             tinted_f0,
+            schlick_share: class.formulas.tint_by_schlick().then_some(m.specular_tint),
             diffuse: Diffuse {
                 base_color,
                 roughness,

@@ -8,7 +8,7 @@ use super::super::material::{BsdfClass, MaterialConstants};
 use super::super::{LobeSample, MixtureSample, TransportMode};
 use super::*;
 use crate::math::rng::{pcg4d, unit};
-use crate::scene::compile::{Distribution, Model};
+use crate::scene::compile::{Distribution, Formulas, KNOTS, Model};
 
 /// Returns a white surface of a roughness, with the weights of the opaque dielectric, the metal and
 /// the refractive dielectric, under a clear coat of a strength.
@@ -21,14 +21,17 @@ fn surface(roughness: f32, weights: [f32; 3], clearcoat: f32, one_sided: bool) -
         specular_tint: 0.0,
         sheen: 0.0,
         sheen_tint: 0.0,
-        coat: Clearcoat::new(clearcoat, 0.5),
+        coat: Clearcoat::new(clearcoat, 0.5, Formulas::Lumbre),
         specular: Vec3::ONE,
         eta: Vec3::ONE,
         k: Vec3::ZERO,
         internal_reflectance: 0.0,
+        transmittance: [0.0; KNOTS],
     };
     let class = BsdfClass {
         model: Model::Disney,
+        formulas: Formulas::Lumbre,
+        rough_body: false,
         distribution: Distribution::Ggx,
         thin: false,
         nonlinear: false,

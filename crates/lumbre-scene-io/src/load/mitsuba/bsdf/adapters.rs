@@ -9,7 +9,7 @@ use super::super::tree::{Property, XmlObject};
 use super::BsdfReader;
 use crate::model_differences;
 use lumbre_light::scene::SceneError;
-use lumbre_light::scene::desc::{MaskMode, TextureDesc, TextureSlot};
+use lumbre_light::scene::desc::{Formulas, MaskMode, TextureDesc, TextureSlot};
 
 impl BsdfReader<'_> {
     /// Converts the first surface inside an adapter.
@@ -78,10 +78,10 @@ impl BsdfReader<'_> {
                 self.notes.push(o.note(model_differences::STEPPED_BUMPS));
                 return Ok(());
             }
-            self.notes.push(o.note(model_differences::BUMPS));
             let heights = self.textures.heights(o, texture)?;
             for m in self.parts.iter_mut().chain([&mut self.m]) {
                 m.bump_height = height as f32;
+                m.formulas = Formulas::Mitsuba;
             }
             self.set_texture_of_parts(o, TextureSlot::Bump, &heights);
         }
