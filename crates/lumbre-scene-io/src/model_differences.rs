@@ -27,6 +27,10 @@ pub(crate) const BUMPS: &str = "slopes of height maps are differences over one t
                                 derivatives in Mitsuba: steep maps of few texels differ by up to \
                                 7 %";
 
+/// Normals of bump maps that face away from the viewer.
+pub(crate) const STEEP_BUMPS: &str = "bent normals that face away are turned in Mitsuba and tilted \
+                                      to the front here: steep bump maps differ by up to 1 %";
+
 /// Bump maps whose texels are not interpolated, such as checkerboards.
 pub(crate) const STEPPED_BUMPS: &str = "a bump map that is not interpolated has no slopes but at \
                                         the edges of its texels; ignored";

@@ -60,8 +60,11 @@ impl SurfaceWriter<'_> {
         let bump = m
             .texture(TextureSlot::Bump)
             .filter(|_| reflects && m.bump_height != 0.0);
-        if bump.is_some() && m.formulas == Formulas::Lumbre {
-            self.note(model_differences::BUMPS);
+        if bump.is_some() {
+            self.note(match m.formulas {
+                Formulas::Lumbre => model_differences::BUMPS,
+                Formulas::Mitsuba => model_differences::STEEP_BUMPS,
+            });
         }
         if normal.is_some() {
             self.note(model_differences::NORMALS);

@@ -78,6 +78,7 @@ impl BsdfReader<'_> {
                 self.notes.push(o.note(model_differences::STEPPED_BUMPS));
                 return Ok(());
             }
+            self.notes.push(o.note(model_differences::STEEP_BUMPS));
             let heights = self.textures.heights(o, texture)?;
             for m in self.parts.iter_mut().chain([&mut self.m]) {
                 m.bump_height = height as f32;
