@@ -148,29 +148,28 @@ fn excess_note(m: &MaterialDesc) -> Option<Note> {
         .then(|| Note::new("", format!("materials.{}", m.name), message))
 }
 
-/// Returns the interface of a plastic whose transmittance is that of its microfacets; `None` for
-/// other materials.
-fn rough_interface(m: &MaterialDesc) -> Option<RoughInterface> {
-    let rough = m.model == Model::Plastic && m.roughness >= m.smooth_below && m.roughness > 0.0;
-    (rough && m.formulas == Formulas::Mitsuba).then(|| RoughInterface {
-        distribution: m.distribution,
-        alpha: f64::from(m.roughness).powi(2),
-        ior: f64::from(m.ior),
-    })
+/// Returns whether the transmittance of a plastic's interface is that of its microfacets.
+fn has_rough_body(m: &MaterialDesc) -> bool {
+    m.model == Model::Plastic
+        && m.formulas == Formulas::Mitsuba
+        && m.roughness >= m.smooth_below
+        && m.roughness > 0.0
 }
 
 /// Returns the note about a plastic whose transmittance does not follow the texture of its
 /// roughness.
 fn constant_transmittance_note(m: &MaterialDesc) -> Option<Note> {
-    rough_interface(m)?;
-    m.texture(TextureSlot::Roughness)?;
+    let textured = m.texture(TextureSlot::Roughness).is_some();
     let message = "with `formulas` of `mitsuba`, light passes a plastic's interface as its parameter \
                    `roughness` lets it, whatever the texture";
-    Some(Note::new("", format!("materials.{}", m.name), message))
+    (textured && has_rough_body(m)).then(|| Note::new("", format!("materials.{}", m.name), message))
 }
 
 fn compile_interface(m: &MaterialDesc) -> Interface {
-    let rough = rough_interface(m);
+    let rough = has_rough_body(m).then(|| {
+        let alpha = f64::from(m.roughness).powi(2);
+        RoughInterface::new(m.distribution, alpha, f64::from(m.ior))
+    });
     Interface {
         specular: m.specular,
         eta: m.eta,

@@ -38,7 +38,7 @@ pub use super::desc::{DelayKind, Distribution, Formulas, Lookup, MaskMode, Model
 use super::{Note, SceneError};
 pub use instancing::{SHARED_FROM, Sharing};
 pub use materials::diffuse_reflectance;
-pub use rough_interface::{KNOT_COSINES, KNOTS, Transmittance};
+pub use rough_interface::{KNOTS, Transmittance, transmittance_at};
 
 /// Index that marks the absence of a texture, a light or an instance.
 pub const NONE: u32 = u32::MAX;

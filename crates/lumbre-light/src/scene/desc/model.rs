@@ -70,18 +70,6 @@ crate::named! {
     }
 }
 
-impl Formulas {
-    /// Returns whether slopes of bump maps are derivatives, which jump at the middles of texels.
-    pub fn bumps_jump(self) -> bool {
-        self == Formulas::Mitsuba
-    }
-
-    /// Returns whether a tinted reflection becomes white by Schlick's formula.
-    pub fn tint_by_schlick(self) -> bool {
-        self == Formulas::Mitsuba
-    }
-}
-
 crate::named! {
     /// Effect of a mask texture on a hit.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -27,6 +27,7 @@ use super::numbers::{Numbers, Packed, PackedClass};
 use super::outgoing::{DisneyOutgoing, InterfaceOutgoing, LobeProbabilities, Outgoing};
 use crate::math::real::{Mask, Real, Vector};
 use crate::math::{Frame, warp};
+use crate::scene::compile::Formulas;
 use crate::transport::surface::ShadingParameters;
 
 /// A refractive interface bends rays by about `|ior - 1| alpha`. Below this many radians the half
@@ -538,7 +539,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> LocalBsdf<R> for Disney<V> {
             one_sided,
             smooth: R::Mask::splat(class.smooth),
             tinted_f0: tinted.then(|| n.vector(14)),
-            schlick_share: formulas.tint_by_schlick().then(|| n.get(23)),
+            schlick_share: (formulas == Formulas::Mitsuba).then(|| n.get(23)),
             coat: Clearcoat {
                 strength: n.get(17),
                 alpha: n.get(18),

@@ -19,7 +19,7 @@ use super::outgoing::{InterfaceOutgoing, PlasticSide};
 use super::{LobeSample, MixtureSample, TransportMode, fresnel};
 use crate::math::real::{Mask, Real, Vector};
 use crate::math::warp;
-use crate::scene::compile::{KNOT_COSINES, KNOTS};
+use crate::scene::compile::{KNOTS, transmittance_at};
 
 /// Plastic at a point of a surface, scalar or vectorised.
 #[derive(Clone, Copy, Debug)]
@@ -75,17 +75,6 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Plastic<V> {
     }
 }
 
-/// Returns a [`Transmittance`](crate::scene::compile::Transmittance) at a cosine.
-#[inline(always)]
-fn rough_transmittance<R: Real>(transmittance: &[R; KNOTS], cos: R) -> R {
-    let mut sum = transmittance[0];
-    for k in 1..KNOTS {
-        let [from, to] = [KNOT_COSINES[k - 1], KNOT_COSINES[k]];
-        sum = sum + transmittance[k] * (cos - R::splat(from)).clamp(0.0, to - from);
-    }
-    sum
-}
-
 impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Interface<R> for Plastic<V> {
     const OPAQUE: bool = true;
 
@@ -138,7 +127,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Interface<R> for Plastic<V> {
         PlasticSide {
             reflectance: r,
             through: match &self.transmittance {
-                Some(transmittance) => rough_transmittance(transmittance, cos),
+                Some(transmittance) => transmittance_at(transmittance, cos),
                 None => R::splat(1.0) - r,
             },
             surface: R::select(some, surface / (surface + body), R::splat(0.5)),

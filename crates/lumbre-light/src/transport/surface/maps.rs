@@ -6,7 +6,7 @@ use super::{Primitives, Spheres, Surface, SurfaceTraits, Triangles, load_vectors
 use crate::math::real::{Real, Vector};
 use crate::math::simd::{F32x8, Lanes, map_array};
 use crate::scene::CompiledScene;
-use crate::scene::compile::{Material, Uv};
+use crate::scene::compile::{Formulas, Material, Uv};
 use crate::transport::ray::RayHits;
 
 /// A mapped normal that points behind the geometric surface is tilted until its cosine with the
@@ -170,7 +170,7 @@ fn bump_rises(scene: &CompiledScene, m: &Material, primitive: u32, uv: Uv) -> [f
     let map = &scene.textures[m.bump_texture as usize];
     let place = map.image_uv(uv, m.tiling);
     let texel = Vec2::new(1.0 / map.width as f32, 1.0 / map.height as f32);
-    let between = if m.formulas.bumps_jump() {
+    let between = if m.formulas == Formulas::Mitsuba {
         ((place / texel - 0.5).floor() + 1.0) * texel
     } else {
         place

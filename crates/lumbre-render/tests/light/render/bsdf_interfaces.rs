@@ -214,8 +214,8 @@ fn compiled(desc: MaterialDesc) -> Material {
     compile::compile(&desc).unwrap().0.materials[0]
 }
 
-/// Values are those of `bsdf.eval` of Mitsuba 3.9.1 over the cosine, in single precision. Transmittances
-/// of rough interfaces are piecewise linear here between fewer cosines.
+/// Values are those of `bsdf.eval` of Mitsuba 3.9.1 over the cosine. Transmittances of rough interfaces
+/// are interpolated between fewer cosines here.
 #[test]
 fn formulas_of_mitsuba_have_its_values() {
     let plastic = |distribution, alpha: f32, nonlinear| MaterialDesc {

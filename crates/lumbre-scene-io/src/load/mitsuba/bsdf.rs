@@ -484,7 +484,7 @@ impl BsdfReader<'_> {
             "main_specular_sampling_rate",
             "clearcoat_sampling_rate",
         ]);
-        // Where the formulas agree, the material is that of any other file.
+        // Where all formulas agree, the material keeps the default.
         if self.m.clearcoat > 0.0 || self.m.specular_tint > 0.0 {
             self.m.formulas = Formulas::Mitsuba;
         }

@@ -9,6 +9,7 @@ use super::super::material::{BsdfClass, MaterialConstants};
 use super::{Disney, LobeEstimate, f0_of};
 use crate::math::luminance::WEIGHTS_F32;
 use crate::math::real::{Mask, Real, Vector};
+use crate::scene::compile::Formulas;
 
 /// Minimum sampling probability of a rough lobe relative to its weight: its reflectance at normals
 /// that do not face the viewer can exceed the estimate from the macroscopic cosine.
@@ -50,7 +51,7 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Disney<V> {
             refractive,
             ior: m.ior,
             tinted_f0,
-            schlick_share: class.formulas.tint_by_schlick().then_some(m.specular_tint),
+            schlick_share: (class.formulas == Formulas::Mitsuba).then_some(m.specular_tint),
             diffuse: Diffuse {
                 base_color,
                 roughness,
