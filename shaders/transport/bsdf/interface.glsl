@@ -22,11 +22,9 @@ Conductor interface_conductor(InterfaceBsdf k) {
 
 Plastic interface_plastic(InterfaceBsdf k) {
     Material m = materials[k.material];
-    vec4 a = m.transmittance_grazing, b = m.transmittance_middle, c = m.transmittance_steep;
     return Plastic(
-        k.base_color, m.specular, m.ior, m.internal_reflectance, m.nonlinear != 0u,
-        m.rough_body != 0u,
-        float[12](a.x, a.y, a.z, a.w, b.x, b.y, b.z, b.w, c.x, c.y, c.z, c.w), k.facets
+        k.base_color, m.specular, m.ior, m.internal_reflectance, m.nonlinear != 0u, k.material,
+        k.facets
     );
 }
 

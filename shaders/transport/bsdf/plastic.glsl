@@ -3,6 +3,7 @@
 #define TRANSPORT_BSDF_PLASTIC_GLSL
 
 #include "math/warp.glsl"
+#include "scene.glsl"
 #include "transport/bsdf/facets.glsl"
 #include "transport/bsdf/fresnel.glsl"
 #include "transport/bsdf/lobe.glsl"
@@ -14,20 +15,24 @@ struct Plastic {
     float ior;
     float internal;
     bool nonlinear;
-    bool rough_body;
-    float transmittance[12];
+    uint material;
     Facets facets;
 };
 
-// Returns the transmittance of the surface at a cosine at which a smooth one reflects `r`.
+// Returns the transmittance of the surface at a cosine at which a smooth one reflects `r`. That of
+// microfacets is read from the material's row, so that others keep no table.
 float plastic_through(Plastic p, float cos_theta, float r) {
-    if (!p.rough_body) {
+    if (materials[p.material].rough_body == 0u) {
         return 1.0 - r;
     }
-    float sum = p.transmittance[0];
+    vec4 first = materials[p.material].transmittance_grazing;
+    float sum = first.x;
     for (int k = 1; k < 12; k++) {
+        float slope = k < 4 ? first[k]
+            : k < 8 ? materials[p.material].transmittance_middle[k - 4]
+            : materials[p.material].transmittance_steep[k - 8];
         float from = float((k - 1) * (k - 1)) / 121.0, to = float(k * k) / 121.0;
-        sum += p.transmittance[k] * clamp(cos_theta - from, 0.0, to - from);
+        sum += slope * clamp(cos_theta - from, 0.0, to - from);
     }
     return sum;
 }
