@@ -2,7 +2,7 @@
 
 use glam::{Affine3A, Quat, Vec2, Vec3};
 
-use crate::load::default_scene::{bounds, corners, framing_camera};
+use crate::load::default_scene::{bounds, framing_camera, visit_points};
 use lumbre_light::scene::desc::{
     CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, SceneDesc, ShapeDesc,
     TextureSlot, Transform,
@@ -45,9 +45,10 @@ const VIEW: Vec3 = Vec3::new(0.5, 0.45, 1.0);
 /// the whole stage: lights are selected by power.
 const LIGHT: Vec3 = Vec3::new(-21.6, 31.2, 16.8);
 const LIGHT_SIDE: f32 = 19.2;
-/// Radiance of the area light and of the environment.
-const LIGHT_RADIANCE: f32 = 12.0;
-const ENVIRONMENT_RADIANCE: f32 = 0.3;
+/// Radiance of the area light and of the environment: a white surface that faces the light has a
+/// radiance below 1.
+const LIGHT_RADIANCE: f32 = 8.0;
+const ENVIRONMENT_RADIANCE: f32 = 0.2;
 /// Side of the ground in radii of the entities.
 const GROUND_SIDE: f32 = 80.0;
 /// Albedo of the ground.
@@ -71,7 +72,7 @@ pub fn set_up(scene: &mut SceneDesc, stage: Stage) {
             let around = bounds(&scene.entities);
             if let Some([low, high]) = around {
                 if scene.camera == framing_camera(around) {
-                    scene.camera = studio_camera([low, high], scene.resolution);
+                    scene.camera = studio_camera(&scene.entities, scene.resolution);
                 }
                 add_ground_and_light(scene, [low, high]);
             }
@@ -83,23 +84,37 @@ fn constant_environment(radiance: f32) -> EnvironmentDesc {
     EnvironmentDesc::new(EnvironmentSource::Color(Vec3::splat(radiance)))
 }
 
-/// Returns a camera that looks at a box from the front, the right and above, at the distance at
-/// which it fills [`FILL`] of the picture.
-fn studio_camera([low, high]: [Vec3; 2], resolution: [u32; 2]) -> CameraDesc {
-    let center = (low + high) / 2.0;
+/// Returns a camera that looks at some entities from the front, the right and above, at the least
+/// distance at which they fill no more than [`FILL`] of the picture.
+fn studio_camera(entities: &[EntityDesc], resolution: [u32; 2]) -> CameraDesc {
     let back = VIEW.normalize_or(Vec3::Z);
     let right = Vec3::Y.cross(back).normalize_or(Vec3::X);
     let up = back.cross(right);
     let slope = (FOV_DEG.to_radians() / 2.0).tan() * FILL;
-    let aspect = resolution[0] as f32 / resolution[1].max(1) as f32;
-    let distance_of = |corner: Vec3| {
-        let p = corner - center;
-        let [x, y] = [p.dot(right).abs(), p.dot(up).abs()];
-        p.dot(back) + (y / slope).max(x / (slope * aspect))
-    };
-    let distance = corners([low, high]).map(distance_of).fold(0.0, f32::max);
-    let radius = ((high - low).length() / 2.0).max(1e-6);
-    CameraDesc::pinhole(center + back * distance.max(1.1 * radius), center, FOV_DEG)
+    let slopes = Vec2::new(
+        slope * resolution[0] as f32 / resolution[1].max(1) as f32,
+        slope,
+    );
+    // A point at (x, z) is within the slope s of a camera at (c, d) if x + s z <= c + s d and
+    // -x + s z <= -c + s d. The two maxima of the left sides give the centre and the distance.
+    let [mut above, mut below] = [Vec2::NEG_INFINITY; 2];
+    let [mut nearest, mut farthest] = [f32::NEG_INFINITY, f32::INFINITY];
+    visit_points(entities, |p| {
+        let (across, z) = (Vec2::new(p.dot(right), p.dot(up)), p.dot(back));
+        above = above.max(across + slopes * z);
+        below = below.max(slopes * z - across);
+        (nearest, farthest) = (nearest.max(z), farthest.min(z));
+    });
+    let center = (above - below) / 2.0;
+    let distance = ((above + below) / (2.0 * slopes)).max_element();
+    let precision = 1e-5 * center.abs().max_element().max(nearest.abs()).max(1e-1);
+    let depth = (nearest - farthest).max(precision);
+    let at = |z: f32| right * center.x + up * center.y + back * z;
+    CameraDesc::pinhole(
+        at(distance.max(nearest + depth / 8.0)),
+        at((nearest + farthest) / 2.0),
+        FOV_DEG,
+    )
 }
 
 /// Adds a ground below a box and an area light above it.
@@ -173,12 +188,17 @@ mod tests {
         let forward = (camera.target - camera.position).normalize_or(Vec3::Z);
         let up = (Vec3::Y - forward * Vec3::Y.dot(forward)).normalize_or(Vec3::Y);
         let slope = (camera.view_deg().to_radians() / 2.0).tan();
-        let heights = [Vec3::new(-0.5, -1.0, -0.25), Vec3::new(0.5, 1.0, 0.25)].map(|corner| {
+        let corners =
+            default_scene::corners([Vec3::new(-0.5, -1.0, -0.25), Vec3::new(0.5, 1.0, 0.25)]);
+        let heights = corners.map(|corner| {
             let p = corner - camera.position;
             p.dot(up) / (p.dot(forward) * slope)
         });
-        let highest = heights.iter().fold(0.0f32, |most, h| most.max(h.abs()));
-        assert!((0.6..=FILL + 1e-4).contains(&highest), "{heights:?}");
+        let (lowest, highest) = heights.fold((0.0f32, 0.0f32), |(l, h), y| (l.min(y), h.max(y)));
+        assert!(
+            (lowest + FILL).abs() < 1e-3 && (highest - FILL).abs() < 1e-3,
+            "{lowest} {highest}"
+        );
     }
 
     #[test]

@@ -38,33 +38,36 @@ pub fn scene(path: &Path, mesh: MeshDesc, materials: Vec<MaterialDesc>) -> Scene
     }
 }
 
-/// Returns the bounding box of some entities in the world; `None` without any vertex. Of many
-/// vertices in all, only the corners of the bounding boxes of meshes are transformed.
+/// Returns the bounding box of some entities in the world; `None` without any vertex.
 pub fn bounds(entities: &[EntityDesc]) -> Option<[Vec3; 2]> {
     let mut bounds: Option<[Vec3; 2]> = None;
+    visit_points(entities, |p| {
+        bounds = Some(bounds.map_or([p; 2], |[low, high]| [low.min(p), high.max(p)]));
+    });
+    bounds
+}
+
+/// Calls `visit` for points in the world whose convex hull contains some entities: the vertices of
+/// meshes, and the corners of boxes around spheres. Of many vertices in all, only the corners of
+/// the bounding boxes of meshes are visited.
+pub fn visit_points(entities: &[EntityDesc], mut visit: impl FnMut(Vec3)) {
     let mut visited = 0;
     // Bounding boxes of meshes in object space, by address.
     let mut boxes: BTreeMap<*const MeshDesc, [Vec3; 2]> = BTreeMap::new();
     for entity in entities {
         let world = entity.transform.to_world();
-        let mut extend = |low: Vec3, high: Vec3| {
-            bounds = Some(bounds.map_or([low, high], |[l, h]| [l.min(low), h.max(high)]));
-        };
         let mesh = match &entity.shape {
             ShapeDesc::Mesh(mesh) => mesh,
             ShapeDesc::Sphere { radius } => {
                 let center = world.translation.as_vec3();
-                extend(center - *radius, center + *radius);
+                corners([center - *radius, center + *radius]).for_each(&mut visit);
                 continue;
             }
         };
-        let mut extend_by = |p: Vec3| {
-            let p = world.transform_point3(p.as_dvec3()).as_vec3();
-            extend(p, p);
-        };
+        let mut visit = |p: Vec3| visit(world.transform_point3(p.as_dvec3()).as_vec3());
         visited += mesh.positions.len();
         if visited <= MAX_VISITED {
-            mesh.positions.iter().copied().for_each(extend_by);
+            mesh.positions.iter().copied().for_each(visit);
             continue;
         }
         let Some(first) = mesh.positions.first() else {
@@ -73,9 +76,8 @@ pub fn bounds(entities: &[EntityDesc]) -> Option<[Vec3; 2]> {
         let around = |[low, high]: [Vec3; 2], p: &Vec3| [low.min(*p), high.max(*p)];
         let own = || mesh.positions.iter().fold([*first; 2], around);
         let box_of_mesh = boxes.entry(Arc::as_ptr(mesh)).or_insert_with(own);
-        corners(*box_of_mesh).for_each(&mut extend_by);
+        corners(*box_of_mesh).for_each(&mut visit);
     }
-    bounds
 }
 
 /// Returns the corners of a box.
