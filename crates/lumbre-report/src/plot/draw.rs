@@ -6,7 +6,7 @@ use super::axis::Axis;
 use super::figure::{Figure, Line, Panel};
 use super::style::{FAINT, FRAME, INK, Style};
 use super::svg::{Anchor, Drawing, Font, TickLabel, shorten, text_width, wrap};
-use crate::plot::sizes::{COLUMN, FULL, MOST_COLUMNS, SCREEN};
+use crate::plot::sizes::{COLUMN, FULL, SCREEN, columns};
 
 const PLOT_HEIGHT: f64 = 118.0;
 /// Space left of a plot for tick labels.
@@ -20,7 +20,9 @@ const FOOT: f64 = 31.0;
 /// Space below the heading of a figure.
 const HEADING_GAP: f64 = 5.0;
 /// Maximum width of series labels right of a panel; wider labels are moved to a legend.
-const WIDEST_LABEL: f64 = 44.0;
+const WIDEST_LABEL: f64 = 46.0;
+/// Width of bold letters over that of normal ones.
+const BOLD: f64 = 1.06;
 /// Maximum height of rotated names below an axis; longer names are shortened.
 const LONGEST_NAME: f64 = 88.0;
 /// Minimum distance between the centres of labels on a horizontal axis.
@@ -65,15 +67,15 @@ impl PlotArea<'_> {
     }
 }
 
-/// Draws the panels in rows of at most [`MOST_COLUMNS`].
+/// Draws the panels in [`columns`].
 pub fn draw(figure: &Figure) -> String {
     let panels = &figure.panels;
-    let columns = panels.len().clamp(1, MOST_COLUMNS);
+    let columns = columns(panels.len());
     let rows = panels.len().div_ceil(columns);
     let widest = figure
         .series
         .iter()
-        .map(|entry| text_width(&entry.label, LABEL.size))
+        .map(|entry| BOLD * text_width(&entry.label, LABEL.size))
         .fold(0.0, f64::max);
     let direct = widest <= WIDEST_LABEL && figure.series.len() <= 8;
     let right = if direct { widest + 9.0 } else { 6.0 };

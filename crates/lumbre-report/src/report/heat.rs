@@ -194,19 +194,15 @@ impl<'a> HeatMap<'a> {
             .min(140.0)
             + 8.0;
         let width = ((FULL - left - 52.0) / self.columns.len() as f64).clamp(18.0, CELL.0 * 1.5);
+        let subtitle = format!(
+            "columns: {}, rows: {}; means over {}",
+            self.axes[0],
+            self.axes[1],
+            self.averaged_over()
+        );
         let mut drawing = Drawing::default();
         drawing.text((left, 8.0), NAME, Anchor::Start, heading);
-        drawing.text(
-            (left, 18.5),
-            SMALL,
-            Anchor::Start,
-            &format!(
-                "columns: {}, rows: {}; means over {}",
-                self.axes[0],
-                self.axes[1],
-                self.averaged_over()
-            ),
-        );
+        drawing.text((left, 18.5), SMALL, Anchor::Start, &subtitle);
         for (i, column) in self.columns.iter().enumerate() {
             let x = left + (i as f64 + 0.5) * width;
             drawing.text(
@@ -232,7 +228,9 @@ impl<'a> HeatMap<'a> {
         let x = left + self.columns.len() as f64 * width + 6.0;
         let height = self.rows.len() as f64 * CELL.1 - 0.7;
         self.draw_scale(&mut drawing, x, height);
-        drawing.finish_scaled(x + 44.0, TOP + height + 3.0, SCREEN, title, description)
+        let head = text_width(heading, NAME.size).max(text_width(&subtitle, SMALL.size));
+        let right = (x + 44.0).max(left + head + 4.0);
+        drawing.finish_scaled(right, TOP + height + 3.0, SCREEN, title, description)
     }
 
     fn draw_cell(&self, drawing: &mut Drawing, (x, y): (f64, f64), width: f64, value: Option<f64>) {

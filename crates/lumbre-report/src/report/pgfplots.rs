@@ -5,7 +5,7 @@ use crate::latex;
 use crate::plot::axis::{Axis, Scale};
 use crate::plot::draw::labelled_ticks;
 use crate::plot::figure::{Figure, Line};
-use crate::plot::sizes::MOST_COLUMNS;
+use crate::plot::sizes;
 use crate::plot::style::Style;
 use crate::plot::svg::TickLabel;
 use crate::provenance::Provenance;
@@ -42,7 +42,7 @@ impl PgfFigure<'_> {
         let bodies: String = (0..panels.len())
             .map(|p| self.panel(p, name, &mut columns))
             .collect();
-        let per_row = panels.len().min(MOST_COLUMNS);
+        let per_row = sizes::columns(panels.len());
         let colours: String = series
             .iter()
             .enumerate()
@@ -61,16 +61,15 @@ impl PgfFigure<'_> {
                 ""
             }
         };
-        let (x_mode, y_mode, x_label) =
-            (logarithmic(0), logarithmic(1), latex::escape(self.x_label));
+        let (x_mode, y_mode) = (logarithmic(0), logarithmic(1));
         let tex = format!(
             "{}% Needs \\usepackage{{pgfplots}} and \
              \\usepgfplotslibrary{{groupplots,fillbetween}}. The width is {per_row}/3 of \
              that of a page.\n\
              {colours}\\begin{{tikzpicture}}\n\\begin{{groupplot}}[\
              group style={{group size={per_row} by {}, horizontal sep={}pt, vertical sep={}pt, \
-             xlabels at=edge bottom, ylabels at=edge left}}, scale only axis, width={}pt, \
-             height={}pt, {x_mode}{y_mode}xlabel={{{x_label}}}, ylabel={{{}}}, grid=major, \
+             ylabels at=edge left}}, scale only axis, width={}pt, \
+             height={}pt, {x_mode}{y_mode}ylabel={{{}}}, grid=major, \
              grid style={{black!10}}, minor tick num=0, legend style={{at={{(0,-0.34)}}, \
              anchor=north west, legend columns=-1, draw=none, fill=none, font=\\footnotesize}}, \
              label style={{font=\\footnotesize}}, tick label style={{font=\\scriptsize}}, \
@@ -102,8 +101,14 @@ impl PgfFigure<'_> {
             ticks("x", x_axis, PLOT[0]),
             ticks("y", y_axis, f64::INFINITY),
         );
+        let per_row = sizes::columns(panels.len());
+        let x_label = if p + per_row >= panels.len() {
+            format!(", xlabel={{{}}}", latex::escape(self.x_label))
+        } else {
+            String::new()
+        };
         let mut body = format!(
-            "\\nextgroupplot[title={{{title}}}, xmin={x0:e}, xmax={x1:e}, ymin={y0:e}, \
+            "\\nextgroupplot[title={{{title}}}{x_label}, xmin={x0:e}, xmax={x1:e}, ymin={y0:e}, \
              ymax={y1:e}, {x_ticks}, {y_ticks}]\n"
         );
         let is_inside = |floor: &f64| y_axis.position(*floor) > 0.0;
@@ -124,7 +129,7 @@ impl PgfFigure<'_> {
             body += &line_commands(p, (line, style), name, columns);
         }
         // All panels share one legend, below the first panel of the last row.
-        if p == (panels.len() - 1) / MOST_COLUMNS * MOST_COLUMNS {
+        if p == (panels.len() - 1) / per_row * per_row {
             for (s, entry) in series.iter().enumerate() {
                 let dash = latex::dash(&entry.style);
                 let title = latex::escape(&entry.label);
