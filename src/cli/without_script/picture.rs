@@ -278,12 +278,17 @@ fn summary(cell: &Cell, film: &Film, done: &WaveStats) -> String {
         rounded(done.render_s),
         rounded(done.paths as f64 / done.render_s / 1e6)
     );
-    match (denoised_by(cell), film.relative_noise()) {
+    match (denoised_by(cell), film.visible_noise()) {
         (Some(denoiser), _) => {
             text += &format!(", denoised by {denoiser}, which makes it biased");
         }
         (None, Some(noise)) => {
-            text += &format!(", noise {} % of the mean", rounded(100.0 * noise));
+            let percent = |noise: f64| rounded(100.0 * noise);
+            text += &format!(", noise {} % of the mean", percent(noise));
+            let all = film.relative_noise().filter(|all| *all > 1.5 * noise);
+            if let Some(all) = all {
+                text += &format!(" ({} % with the brightest fireflies)", percent(all));
+            }
         }
         (None, None) => {}
     }
@@ -301,7 +306,8 @@ fn summary_json(cell: &Cell, film: &Film, done: &WaveStats, files: &[String]) ->
     json!({
         "width": film.width, "height": film.height, "integrator": cell.config.integrator,
         "backend": cell.config.backend, "samples": film.samples, "render_s": done.render_s,
-        "paths": done.paths, "relative_noise": film.relative_noise(), "invalid": done.invalid,
+        "paths": done.paths, "relative_noise": film.relative_noise(),
+        "visible_noise": film.visible_noise(), "invalid": done.invalid,
         "denoised_by": denoised_by(cell), "files": files,
     })
 }

@@ -193,6 +193,12 @@ impl Film {
         noise.filter(|_| self.samples > 1)
     }
 
+    /// Returns the [visible noise](visible_noise) of the picture; `None` if it cannot be estimated.
+    pub fn visible_noise(&self) -> Option<f64> {
+        let noise = visible_noise(&self.mean(), &self.variance_of_mean());
+        noise.filter(|_| self.samples > 1)
+    }
+
     /// Returns the estimated variance of each pixel's mean: sample variance divided by `samples`.
     /// Zero with fewer than two samples.
     ///
@@ -238,6 +244,22 @@ pub fn relative_noise(image: &Image, variance: &Image) -> Option<f64> {
     (level > 0.0).then(|| mean(variance).sqrt() / level)
 }
 
+/// Returns the same as [`relative_noise`] without the [`FIREFLIES`] pixels of largest variance: the
+/// noise that one sees, since a few bright pixels can hold most of the other.
+pub fn visible_noise(image: &Image, variance: &Image) -> Option<f64> {
+    let level = image.mean().iter().sum::<f64>() / 3.0;
+    let mut variances: Vec<f32> = variance.data.iter().map(|v| v.iter().sum()).collect();
+    let kept = variances.len() - (variances.len() as f64 * FIREFLIES) as usize;
+    if kept < variances.len() {
+        variances.select_nth_unstable_by(kept, f32::total_cmp);
+    }
+    let sum: f64 = variances[..kept].iter().map(|v| f64::from(*v)).sum();
+    (level > 0.0).then(|| (sum / (3 * kept) as f64).sqrt() / level)
+}
+
+/// Fraction of pixels that [`visible_noise`] leaves out.
+const FIREFLIES: f64 = 1e-3;
+
 /// Shared immutable image, cheap to pass to several receivers.
 pub type SharedImage = Arc<Image>;
 
@@ -261,6 +283,19 @@ mod tests {
             (running / 0.1 - 1.0).abs() > 0.1,
             "an f32 sum would have done: {running}"
         );
+    }
+
+    #[test]
+    fn a_firefly_is_no_visible_noise() {
+        let image = Image::from_pixels(50, 40, vec![[1.0; 3]; 2000]);
+        let mut variance = Image::from_pixels(50, 40, vec![[0.01; 3]; 2000]);
+        variance.data[7] = [2e4; 3];
+        let seen = visible_noise(&image, &variance).unwrap();
+        assert!((seen - 0.1).abs() < 1e-4, "{seen}");
+        let all = relative_noise(&image, &variance).unwrap();
+        assert!((all - 3.16).abs() < 0.02, "{all}");
+        let black = Image::from_pixels(50, 40, vec![[0.0; 3]; 2000]);
+        assert_eq!(visible_noise(&black, &variance), None);
     }
 
     #[test]

@@ -7,7 +7,7 @@ use std::time::Instant;
 use super::scenes::{Opened, Scenes};
 use super::shared::{Frame, Request, SLOTS, SessionOptions, Shared, Status, Wanted, lock};
 use crate::explore::settings::Limits;
-use lumbre_light::film::{SharedImage, relative_noise};
+use lumbre_light::film::{SharedImage, visible_noise};
 use lumbre_render::{Advance, Job, RenderError, Renderer, Until, WaveStats};
 
 /// Time that a wave should take, in seconds. A change of the settings abandons a wave anyway on the
@@ -362,7 +362,7 @@ impl OpenRun {
         if due || last {
             let start = Instant::now();
             let variance = film.variance_of_mean();
-            self.noise = relative_noise(&image, &variance).filter(|_| samples > 1);
+            self.noise = visible_noise(&image, &variance).filter(|_| samples > 1);
             self.variance = (samples > 1).then(|| (Arc::new(variance), samples));
             self.noise_cost_s = start.elapsed().as_secs_f64();
             self.noise_at = Some(Instant::now());
