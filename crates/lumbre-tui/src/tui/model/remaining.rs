@@ -2,7 +2,7 @@
 
 use super::eta;
 use super::eta::Eta;
-use super::night::NightModel;
+use super::night::{CurrentRun, NightModel};
 use lumbre_night::experiment::night::run::RunState;
 use lumbre_night::experiment::{CellRef, Outcome, WaveRow};
 
@@ -14,10 +14,20 @@ impl NightModel {
         };
         let measured = current.curve.last().map_or(0.0, |row| row.wall_s);
         if current.running {
-            measured + (now_s - current.updated_s).max(0.0)
+            measured + self.since_wave_s(current, now_s)
         } else {
             measured
         }
+    }
+
+    /// Seconds for which the current run has rendered since its last measurement. While other
+    /// techniques of the same picture have their turn, it waits.
+    fn since_wave_s(&self, current: &CurrentRun, now_s: f64) -> f64 {
+        let mut rivals = self.interleaved.values();
+        if rivals.any(|rival| rival.updated_s > current.updated_s) {
+            return 0.0;
+        }
+        (now_s - current.updated_s).max(0.0)
     }
 
     /// Seconds since the night began, at `now_s` on the receiver's clock; constant after its end.
@@ -39,7 +49,7 @@ impl NightModel {
         } else {
             1.0
         };
-        let since = (now_s - current.updated_s).max(0.0);
+        let since = self.since_wave_s(current, now_s);
         Some(Eta {
             seconds: (left.seconds * overhead - since).max(0.0),
             ..left

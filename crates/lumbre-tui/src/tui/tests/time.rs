@@ -174,7 +174,11 @@ fn measurements_of_an_interleaved_cell_leave_the_current_one_alone() {
     let mut night = in_the_middle();
     let (alone, _) = night.model();
     night.render(CellRef::Cell(3), 4);
-    let (model, _) = night.model();
+    let (model, now_s) = night.model();
+    let later = [now_s, now_s + 50.0];
+    let waits = |seconds: [f64; 2]| assert!(seconds[0] > 0.0 && seconds[0] == seconds[1]);
+    waits(later.map(|s| model.cell_wall_s(s)));
+    waits(later.map(|s| model.cell_eta(s).map_or(0.0, |eta| eta.seconds)));
     let [before, current] = [alone, model.clone()].map(|model| model.current.unwrap());
     assert_eq!(current.cell, CellRef::Cell(2));
     assert_eq!(current.curve.last(), before.curve.last());
