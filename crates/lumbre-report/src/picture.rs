@@ -4,7 +4,6 @@
 
 use std::io::Cursor;
 
-use exr::meta::attribute::Chromaticities;
 use exr::prelude::{
     AnyChannels, FlatSamples, Image as ExrImage, Layer, Layers, ReadChannels, ReadLayers, read,
 };
@@ -14,7 +13,7 @@ use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use super::OutputError;
 use lumbre_light::film::Image;
 use lumbre_metrics::tonemap::srgb_light;
-use lumbre_scene_io::load::openexr;
+use lumbre_scene_io::load::{openexr, primaries};
 
 /// Maximum number of pixels of a picture: 2^28, which is 3 GiB of `f32` RGB.
 const MAX_PIXELS: usize = 1 << 28;
@@ -184,9 +183,6 @@ fn decode_hdr(bytes: &[u8]) -> Result<Picture, String> {
     })
 }
 
-/// Chromaticities of the primaries and the white point of sRGB [ITU-R BT.709].
-const SRGB: [[f32; 2]; 4] = [[0.64, 0.33], [0.3, 0.6], [0.15, 0.06], [0.3127, 0.329]];
-
 /// An EXR file with all layers and channels.
 type ExrFile = ExrImage<Layers<AnyChannels<FlatSamples>>>;
 
@@ -227,10 +223,16 @@ fn decode_exr(bytes: &[u8]) -> Result<Picture, String> {
         .iter()
         .map(|c| layers[index][*c].as_str())
         .collect();
+    let mut notes = exr_notes(&file, index, &names);
+    let map = primaries::of_exr(file.attributes.chromaticities);
+    if let Some(map) = map.filter(|_| channels != [channels[0]; 3]) {
+        primaries::convert(&mut data, map);
+        notes.push("its colours are converted from other primaries to those of sRGB".to_owned());
+    }
     Ok(Picture {
         image: Image::from_pixels(width, height, data),
         format: "exr",
-        notes: exr_notes(&file, index, &names),
+        notes,
     })
 }
 
@@ -289,13 +291,6 @@ fn exr_notes(file: &ExrFile, index: usize, names: &[&str]) -> Vec<String> {
             window.position.1
         ));
     }
-    if file
-        .attributes
-        .chromaticities
-        .is_some_and(|c| !is_near_srgb(&c))
-    {
-        notes.push("its primaries are not those of sRGB and are not converted".to_owned());
-    }
     notes
 }
 
@@ -318,16 +313,9 @@ fn rgb_channels(names: &[String]) -> Option<[usize; 3]> {
         .or_else(|| find("Y").map(|y| [y; 3]))
 }
 
-fn is_near_srgb(c: &Chromaticities) -> bool {
-    let found = [c.red, c.green, c.blue, c.white];
-    found
-        .iter()
-        .zip(SRGB)
-        .all(|(a, b)| (a.0 - b[0]).abs() < 1e-3 && (a.1 - b[1]).abs() < 1e-3)
-}
-
 #[cfg(test)]
 mod tests {
+    use exr::meta::attribute::Chromaticities;
     use exr::prelude::{AnyChannel, Encoding, LayerAttributes, WritableImage};
 
     use super::*;

@@ -343,7 +343,18 @@ fn ensure_memory(width: u32, height: u32, bytes: u64) -> Result<(), String> {
 fn decode_exr(path: &Path, bytes: &[u8], notes: &mut Vec<Note>) -> Result<TextureDesc, String> {
     // A decoded pixel takes four floats.
     let max_pixels = (decode_budget(bytes.len()) / 16) as usize;
-    let (image, one_of) = openexr::decode_texture(bytes, max_pixels)?;
+    let openexr::ExrTexture {
+        image,
+        one_of,
+        converted,
+    } = openexr::decode_texture(bytes, max_pixels)?;
+    if converted {
+        notes.push(Note::new(
+            path,
+            "image",
+            "its colours are converted from other primaries to those of sRGB",
+        ));
+    }
     if let Some(group) = one_of {
         let shown: String = group.chars().take(48).collect();
         notes.push(Note::new(

@@ -10,6 +10,8 @@ use exr::meta::attribute::AttributeValue;
 use exr::meta::header::Header;
 use exr::prelude::{FlatImage, MetaData, ReadChannels, ReadLayers, read};
 
+use super::primaries;
+use glam::DMat3;
 use lumbre_light::film::Image;
 
 /// The first bytes of every OpenEXR file.
@@ -35,7 +37,7 @@ pub fn decode_channels(
     max_pixels: usize,
     groups: &[&str],
 ) -> Result<Vec<Image>, String> {
-    check_sizes(bytes, max_pixels)?;
+    check_header(bytes, max_pixels)?;
     let file = read_layers(bytes)?;
     let mut channels = BTreeMap::new();
     for layer in &file.layer_data {
@@ -99,19 +101,35 @@ fn read_layers(bytes: &[u8]) -> Result<FlatImage, String> {
 /// Names of a single channel of grey values.
 const GREY: [&str; 3] = ["Y", "y", "L"];
 
+/// Colours of a texture that is an EXR file.
+pub struct ExrTexture {
+    /// The colours in linear sRGB, or grey.
+    pub image: Image,
+    /// Name of the group of channels that was read, if there are others beside it.
+    pub one_of: Option<String>,
+    /// Whether the colours were converted from other primaries.
+    pub converted: bool,
+}
+
 /// Decodes the colours of a texture: the first layer with channels R, G and B, else the first group
 /// of channels with such names, such as `diffuse.R`, else a channel Y or the only channel, which is
-/// grey. Also returns the name of the group if there are others beside it.
+/// grey. Colours are converted to linear sRGB.
 ///
 /// # Errors
 /// Returns a message for data that is not an EXR with such channels, is damaged, or has more than
 /// `max_pixels`.
-pub fn decode_texture(bytes: &[u8], max_pixels: usize) -> Result<(Image, Option<String>), String> {
+pub fn decode_texture(bytes: &[u8], max_pixels: usize) -> Result<ExrTexture, String> {
+    let map = check_header(bytes, max_pixels)?;
     let problem = match decode(bytes, max_pixels) {
-        Ok((image, _)) => return Ok((image, None)),
+        Ok((image, _)) => {
+            return Ok(ExrTexture {
+                image,
+                one_of: None,
+                converted: map.is_some(),
+            });
+        }
         Err(problem) => problem,
     };
-    check_sizes(bytes, max_pixels)?;
     let file = read_layers(bytes).map_err(|_| problem.clone())?;
     for layer in &file.layer_data {
         let list = &layer.channel_data.list;
@@ -125,8 +143,14 @@ pub fn decode_texture(bytes: &[u8], max_pixels: usize) -> Result<(Image, Option<
             let pixels = image.data.iter_mut();
             pixels.zip(values).for_each(|(pixel, x)| pixel[c] = x);
         }
+        let map = map.filter(|_| channels != [channels[0]; 3]);
+        map.inspect(|map| primaries::convert(&mut image.data, *map));
         let others = names.iter().any(|name| group_of(name) != group);
-        return Ok((image, others.then_some(group)));
+        return Ok(ExrTexture {
+            image,
+            one_of: others.then_some(group),
+            converted: map.is_some(),
+        });
     }
     Err(problem)
 }
@@ -172,8 +196,8 @@ fn colors_of(names: &[String]) -> Option<(String, [usize; 3])> {
 const MAX_BLOCK_BYTES: usize = 64 << 20;
 
 /// Checks the sizes of all layers and of their blocks from their headers, before memory is allocated
-/// for the pixels.
-fn check_sizes(bytes: &[u8], max_pixels: usize) -> Result<(), String> {
+/// for the pixels. Returns the map of colours to linear sRGB if the primaries are others.
+fn check_header(bytes: &[u8], max_pixels: usize) -> Result<Option<DMat3>, String> {
     let headers = MetaData::read_from_buffered(Cursor::new(bytes), false)
         .map_err(|e| e.to_string())?
         .headers;
@@ -194,7 +218,10 @@ fn check_sizes(bytes: &[u8], max_pixels: usize) -> Result<(), String> {
             ));
         }
     }
-    Ok(())
+    let first = headers.first();
+    Ok(primaries::of_exr(first.and_then(|header| {
+        header.shared_attributes.chromaticities
+    })))
 }
 
 /// Returns the size of an uncompressed block of a layer in bytes, unless it exceeds the range.
@@ -209,8 +236,8 @@ fn block_bytes(header: &Header) -> Option<usize> {
     }
 }
 
-/// Decodes the first layer with channels R, G and B, and returns it with all text attributes by
-/// name.
+/// Decodes the first layer with channels R, G and B, converts it to linear sRGB, and returns it with
+/// all text attributes by name.
 ///
 /// # Errors
 /// Returns a message for data that is not an EXR with RGB channels, is damaged, or has more than
@@ -219,7 +246,7 @@ pub fn decode(
     bytes: &[u8],
     max_pixels: usize,
 ) -> Result<(Image, BTreeMap<String, String>), String> {
-    check_sizes(bytes, max_pixels)?;
+    let map = check_header(bytes, max_pixels)?;
     let file = read()
         .no_deep_data()
         .largest_resolution_level()
@@ -248,7 +275,9 @@ pub fn decode(
         _ => None,
     });
     let texts = texts.collect();
-    Ok((file.layer_data.channel_data.pixels, texts))
+    let mut image = file.layer_data.channel_data.pixels;
+    map.inspect(|map| primaries::convert(&mut image.data, *map));
+    Ok((image, texts))
 }
 
 #[cfg(test)]
@@ -293,9 +322,10 @@ mod tests {
     #[test]
     fn textures_have_colours_of_any_layer_or_one_grey_channel() {
         let read = |list: &[(&str, f32)]| {
-            let (image, others) = decode_texture(&channels(list), 2).unwrap();
-            assert_eq!(image.data[0], image.data[1]);
-            (image.data[0], others)
+            let texture = decode_texture(&channels(list), 2).unwrap();
+            let pixels = texture.image.data;
+            assert_eq!(pixels[0], pixels[1]);
+            (pixels[0], texture.one_of)
         };
         assert_eq!(read(&[("Y", 0.4)]), ([0.4; 3], None));
         assert_eq!(read(&[("Y", 0.4), ("A", 1.0)]), ([0.4; 3], None));

@@ -18,6 +18,7 @@ use super::token::truncated;
 use super::version::Version;
 use crate::load::beside;
 use crate::load::metals;
+use crate::load::primaries::Primaries;
 use crate::load::spectrum::{KELVIN, Sampled, planck, to_srgb, under_daylight, xyz};
 use lumbre_light::scene::SceneError;
 
@@ -55,22 +56,14 @@ impl ColorSpace {
         }
     }
 
-    /// Returns the map to linear sRGB; all three have the white point D65 by ITU-R BT.2087 and
-    /// SMPTE EG 432-1.
+    /// Returns the map to linear sRGB.
     fn to_srgb(self) -> DMat3 {
-        match self {
-            ColorSpace::Srgb => DMat3::IDENTITY,
-            ColorSpace::DciP3 => DMat3::from_cols_array_2d(&[
-                [1.22494, -0.042057, -0.019638],
-                [-0.22494, 1.042057, -0.078636],
-                [0.0, 0.0, 1.098274],
-            ]),
-            ColorSpace::Rec2020 => DMat3::from_cols_array_2d(&[
-                [1.660491, -0.12455, -0.018151],
-                [-0.587641, 1.1329, -0.100579],
-                [-0.07285, -0.008349, 1.11873],
-            ]),
-        }
+        let primaries = match self {
+            ColorSpace::Srgb => return DMat3::IDENTITY,
+            ColorSpace::DciP3 => Primaries::DCI_P3,
+            ColorSpace::Rec2020 => Primaries::REC2020,
+        };
+        primaries.to_srgb().unwrap_or(DMat3::IDENTITY)
     }
 }
 
