@@ -71,6 +71,9 @@ fn trace_tile<T: CameraPaths>(
     buffers.light.reset(count, has_layers);
     buffers.wave.start(tile, Start::Camera);
     for edge in 1..=context.max_depth {
+        if buffers.wave.active.is_empty() {
+            return;
+        }
         let PathTile { wave, light } = buffers;
         wave.trace(context, light);
         wave.sort_hits(tile, |hit| context.ends_unlit(edge, hit));
