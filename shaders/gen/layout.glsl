@@ -133,6 +133,7 @@ struct Material {
     uint distribution; // DISTRIBUTION_GGX or DISTRIBUTION_BECKMANN.
     uint thin; // 1 if a dielectric is a thin pane, else 0.
     uint formulas; // FORMULAS_LUMBRE or FORMULAS_MITSUBA.
+    uint alpha_texels; // 1 if texels of the roughness texture are alpha, the square of roughness, else 0.
     uint rough_body; // 1 if light passes the interface of plastic as its microfacets let it, else 0.
     vec4 transmittance_grazing; // Transmittance of the microfacets at cosine 0, and its slopes up to the fourth knot.
     vec4 transmittance_middle; // Its slopes up to the eighth knot.

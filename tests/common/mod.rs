@@ -12,7 +12,7 @@ use lumbre_light::film::time::TimeAxis;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{
     Cone, DirectionalLight, Emitter, Environment, Formulas, IntensityMap, Interface, MaskMode,
-    Material, Model, NONE, PointLight, Sphere, Texture, TriangleAttributes, UvMap,
+    Material, Model, NONE, PointLight, RoughnessTexels, Sphere, Texture, TriangleAttributes, UvMap,
 };
 use lumbre_light::scene::desc::{CameraDesc, ConeDesc};
 use lumbre_light::transport::integrator::{IntegratorRow, integrator};
@@ -24,6 +24,7 @@ use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 pub const WHITE: Material = Material {
     model: Model::Lambert,
     formulas: Formulas::Lumbre,
+    roughness_texels: RoughnessTexels::Roughness,
     subsurface: 0.0,
     specular_tint: 0.0,
     anisotropic: 0.0,

@@ -35,6 +35,10 @@ pub(crate) const STEEP_BUMPS: &str = "bent normals that face away are turned in 
 pub(crate) const STEPPED_BUMPS: &str = "a bump map that is not interpolated has no slopes but at \
                                         the edges of its texels; ignored";
 
+/// Roughness textures whose texels are not alpha.
+pub(crate) const ROUGHNESS_TEXELS: &str = "roughness is interpolated between texels here, and its square \
+                                           alpha there: textures of few texels differ by up to 3 %";
+
 /// Normals of normal maps that face away from the viewer or the light.
 pub(crate) const NORMALS: &str = "bent normals that face away are turned and shadowed in Mitsuba \
                                   (`flip_invalid_normals`, `use_shadowing_function`), but not here: \

@@ -128,10 +128,13 @@ Bsdf bsdf_new(Surface s) {
         b.disney.one_sided = false;
         return b;
     }
+    float roughness = lookup_scalar(m.roughness_texture, s.uv, s.material, m.roughness);
+    if (m.alpha_texels != 0u && m.roughness_texture != NONE) {
+        roughness = sqrt(roughness);
+    }
     if (bsdf_is_oren_nayar(b)) {
         b.disney.base_color = base_color;
-        b.disney.diffuse.roughness =
-            lookup_scalar(m.roughness_texture, s.uv, s.material, m.roughness);
+        b.disney.diffuse.roughness = roughness;
         b.disney.ior = 1.0;
         b.disney.one_sided = m.one_sided != 0u;
         return b;
@@ -147,7 +150,6 @@ Bsdf bsdf_new(Surface s) {
     if (m.model == MODEL_LAMBERT) {
         return b;
     }
-    float roughness = lookup_scalar(m.roughness_texture, s.uv, s.material, m.roughness);
     b.disney.ggx = ggx_new(roughness, m.anisotropic);
     b.disney.is_smooth = roughness < m.smooth_below;
     if (!bsdf_is_disney(b)) {

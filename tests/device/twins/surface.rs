@@ -5,8 +5,8 @@ use std::sync::Arc;
 use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{
-    Distribution, Formulas, Interface, Lookup, MaskMode, Material, Model, NONE, Texture, UvMap,
-    Wrap,
+    Distribution, Formulas, Interface, Lookup, MaskMode, Material, Model, NONE, RoughnessTexels,
+    Texture, UvMap, Wrap,
 };
 use lumbre_light::scene::desc::TextureFilter;
 use lumbre_light::transport::bsdf::{Bsdf, TransportMode};
@@ -97,8 +97,12 @@ fn material(d: &mut RandomInputs, textures: u32) -> Material {
 }
 
 /// Returns every seventh material as a translucent sheet, every eleventh as a rough diffuse surface,
-/// and every third by the formulas of Mitsuba, with numbers that they have already.
+/// and every third by the formulas of Mitsuba, with numbers that they have already. Roughness
+/// textures of every fifth have alpha.
 fn with_models(i: u32, mut m: Material) -> Material {
+    if i.is_multiple_of(5) {
+        m.roughness_texels = RoughnessTexels::Alpha;
+    }
     if i.is_multiple_of(3) {
         m.formulas = Formulas::Mitsuba;
         m.interface.transmittance = Some(std::array::from_fn(|k| m.sheen / (k + 1) as f32));

@@ -8,8 +8,8 @@ use lumbre_light::film::Image;
 use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{
     ConeDesc, ConeEdge, Distribution, EntityDesc, EnvironmentDesc, EnvironmentSource, Formulas,
-    LightDesc, LightKind, Lookup, MaskMode, MaterialDesc, Model, SceneDesc, ShapeDesc, Texels,
-    TextureDesc, TextureSlot, Transform, Wrap,
+    LightDesc, LightKind, Lookup, MaskMode, MaterialDesc, Model, RoughnessTexels, SceneDesc,
+    ShapeDesc, Texels, TextureDesc, TextureSlot, Transform, Wrap,
 };
 use lumbre_light::scene::shape::{cuboid, grid};
 use lumbre_light::transport::integrator::integrator;
@@ -171,10 +171,10 @@ pub(super) fn gallery(materials: Vec<MaterialDesc>) -> SceneDesc {
             },
         ),
     ];
-    let sky = texture(
-        "sky.hdr",
-        Texels::RgbaF32(vec![[3.0, 2.0, 1.0, 1.0], [0.5; 4], [0.1; 4], [0.0; 4]]),
-    );
+    // With as many rows the map is written as it is.
+    let rows = [[3.0, 2.0, 1.0, 1.0], [0.5; 4], [0.1; 4], [0.0; 4]];
+    let rows: Vec<[f32; 4]> = (0..192).map(|i| rows[i % 4]).collect();
+    let sky = Arc::new(TextureDesc::new("sky.hdr", 2, 96, Texels::RgbaF32(rows)));
     desc.environment = Some(EnvironmentDesc {
         rotation_deg: 70.0,
         scale: 0.5,
@@ -264,6 +264,7 @@ fn surfaces_give_the_same_picture_after_export_and_import() {
             m.specular = Vec3::splat(0.9);
         }),
         material("worn", |m| {
+            m.roughness_texels = RoughnessTexels::Alpha;
             (m.model, m.roughness) = (Model::Conductor, 0.5);
             m.set_texture(TextureSlot::Roughness, Some(grain()));
         }),

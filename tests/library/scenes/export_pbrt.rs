@@ -6,7 +6,7 @@ use std::sync::Arc;
 use lumbre_light::film::Image;
 use lumbre_light::scene::desc::{
     Distribution, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, MaskMode, MaterialDesc,
-    Model, SceneDesc, Texels, TextureDesc, TextureSlot, Wrap,
+    Model, RoughnessTexels, SceneDesc, Texels, TextureDesc, TextureSlot, Wrap,
 };
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_scene_io::export;
@@ -67,6 +67,7 @@ fn exact() -> Vec<MaterialDesc> {
             (m.model, m.roughness) = (Model::Conductor, 0.0)
         }),
         material("worn", |m| {
+            m.roughness_texels = RoughnessTexels::Alpha;
             m.model = Model::Conductor;
             m.set_texture(TextureSlot::Roughness, grain());
         }),

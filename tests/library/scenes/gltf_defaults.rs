@@ -207,3 +207,31 @@ fn a_texture_whose_image_only_an_extension_gives_is_named() {
     assert!(lines(&notes).contains("has no image"), "{}", lines(&notes));
     assert!(desc.materials[0].textures.is_empty());
 }
+
+#[test]
+fn extensions_that_no_material_carries_and_ranges_of_lights_are_noted() {
+    let used = r#", "extensionsUsed": [ "KHR_materials_variants", "KHR_materials_ior", "KHR_materials_mine", "KHR_lights_punctual" ],
+"extensions": { "KHR_lights_punctual": { "lights": [ { "type": "point", "range": 4 } ] } },
+"materials": [ { "name": "m", "extensions": { "KHR_materials_mine": {} } } ]"#;
+    let light = r#", "extensions": { "KHR_lights_punctual": { "light": 0 } }"#;
+    let (_, notes) = folder(light, r#", "material": 0"#, used)
+        .load("a.gltf")
+        .unwrap();
+    let notes = lines(&notes);
+    let of = |name: &str| notes.matches(&format!("`{name}` is not supported")).count();
+    assert_eq!(of("KHR_materials_variants"), 1, "{notes}");
+    assert_eq!(
+        (of("KHR_materials_ior"), of("KHR_materials_mine")),
+        (0, 1),
+        "{notes}"
+    );
+    assert!(notes.contains("`range` of a light"), "{notes}");
+}
+
+#[test]
+fn a_texture_of_the_colour_of_highlights_is_noted() {
+    let (_, _, notes) = material(
+        r#""extensions": { "KHR_materials_specular": { "specularColorTexture": { "index": 0 } } }"#,
+    );
+    assert!(notes.contains("`KHR_materials_specular`"), "{notes}");
+}

@@ -2,11 +2,14 @@
 
 use glam::{Vec2, Vec3};
 use lumbre_light::scene::compile;
-use lumbre_light::scene::compile::{Uv, Wrap};
+use lumbre_light::scene::compile::{NONE, Uv, Wrap};
 use lumbre_light::scene::desc::{
     ConeEdge, Distribution, EnvironmentSource, Formulas, LightKind, MaskMode, MaterialDesc, Model,
     SceneDesc, ShapeDesc, TextureSlot,
 };
+
+use lumbre_light::transport::arrival::HitState;
+use lumbre_light::transport::ray::{Hit, Ray};
 
 use super::{Folder, lines, mesh_of};
 
@@ -262,6 +265,136 @@ fn a_blend_is_composed_of_its_two_surfaces() {
     assert_eq!(scene.delays.leaves(root).len(), 3);
     let one = refused(r#"<bsdf type="blendbsdf" id="s"><bsdf type="diffuse"/></bsdf>"#);
     assert!(one.contains("exactly two surfaces"), "{one}");
+}
+
+#[test]
+fn the_integrator_inside_of_another_limits_paths() {
+    let depth = |xml: &str| {
+        let (desc, notes) = read(xml);
+        (desc.max_depth, notes.contains("unlimited"))
+    };
+    let path = r#"<integrator type="path"><integer name="max_depth" value="4"/></integrator>"#;
+    assert_eq!(depth(path), (4, false));
+    let aov = format!(
+        r#"<integrator type="aov"><string name="aovs" value="dd:depth"/>{path}</integrator>"#
+    );
+    assert_eq!(depth(&aov), (4, false));
+    assert_eq!(depth(r#"<integrator type="direct"/>"#), (2, false));
+    assert!(depth(r#"<integrator type="path"/>"#).1);
+}
+
+#[test]
+fn a_spectrum_may_be_an_image_or_have_any_form_of_samples() {
+    let color = |spectrum: &str| {
+        let (m, notes) = surface(&format!(r#"<bsdf type="diffuse" id="s">{spectrum}</bsdf>"#));
+        assert!(!notes.contains("not supported"), "{notes}");
+        m
+    };
+    let image = color(
+        r#"<spectrum type="bitmap" name="reflectance"><string name="filename" value="grey.png"/></spectrum>"#,
+    );
+    assert!(image.texture(TextureSlot::BaseColor).is_some());
+    let plain = |spectrum: &str| color(spectrum).base_color;
+    let pairs = plain(r#"<spectrum name="reflectance" value="400:0.1, 500:0.6, 600:0.3"/>"#);
+    let irregular = r#"<spectrum type="irregular" name="reflectance"><string name="wavelengths" value="400, 500, 600"/><string name="values" value="0.1, 0.6, 0.3"/></spectrum>"#;
+    assert_eq!(plain(irregular), pairs);
+    let regular = r#"<spectrum type="regular" name="reflectance"><float name="wavelength_min" value="400"/><float name="wavelength_max" value="600"/><string name="values" value="0.1 0.6 0.3"/></spectrum>"#;
+    assert_eq!(plain(regular), pairs);
+    let srgb = r#"<spectrum type="srgb" name="reflectance"><rgb name="color" value="0.1, 0.2, 0.3"/></spectrum>"#;
+    assert_eq!(plain(srgb), Vec3::new(0.1, 0.2, 0.3));
+    let (one, _) = read(
+        r#"<emitter type="constant"><spectrum type="blackbody" name="radiance"><float name="temperature" value="3000"/></spectrum></emitter>"#,
+    );
+    let (other, _) = read(
+        r#"<emitter type="constant"><blackbody name="radiance" temperature="3000K"/></emitter>"#,
+    );
+    assert_eq!(
+        one.environment.unwrap().source,
+        other.environment.unwrap().source
+    );
+    let few = r#"<bsdf type="diffuse" id="s"><spectrum type="regular" name="reflectance"><string name="values" value="1"/></spectrum></bsdf>"#;
+    assert!(refused(few).contains("wavelength_min"), "{}", refused(few));
+    let odd = r#"<bsdf type="diffuse" id="s"><spectrum type="irregular" name="reflectance"><string name="wavelengths" value="400, 500"/><string name="values" value="1"/></spectrum></bsdf>"#;
+    assert!(
+        refused(odd).contains("as many wavelengths"),
+        "{}",
+        refused(odd)
+    );
+}
+
+#[test]
+fn comments_with_hyphens_and_flags_in_any_case_are_read() {
+    let (desc, _) = read(
+        r#"<!-- two -- hyphens, and three ---><shape type="rectangle"><boolean name="flip_normals" value="True"/></shape>"#,
+    );
+    assert_eq!(desc.entities.len(), 1);
+    let error = refused(
+        "<!-- a -- b -->\n<shape type=\"rectangle\"><boolean name=\"flip_normals\" value=\"yes\"/></shape>",
+    );
+    assert!(
+        error.contains("line 5") && error.contains("true or false"),
+        "{error}"
+    );
+}
+
+#[test]
+fn colours_of_a_ply_may_be_numbered() {
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+               property float color_0\nproperty float color_1\nproperty float color_2\nelement face 1\n\
+               property list uchar int vertex_indices\nend_header\n0 0 0 1 0 0\n1 0 0 0 1 0\n0 1 0 0 0 1\n3 0 1 2\n";
+    let xml = around(
+        r#"<shape type="ply"><string name="filename" value="a.ply"/><bsdf type="diffuse"><texture type="mesh_attribute" name="reflectance"><string name="name" value="vertex_color"/></texture></bsdf></shape>"#,
+    );
+    let (desc, notes) = Folder::new(&[("a.xml", xml.as_str()), ("a.ply", ply)])
+        .load("a.xml")
+        .unwrap();
+    assert_eq!(mesh_of(&desc, 0).colors, [Vec3::X, Vec3::Y, Vec3::Z]);
+    assert!(!lines(&notes).contains("no colours"), "{notes:?}");
+}
+
+#[test]
+fn each_side_of_a_twosided_surface_may_have_its_own() {
+    let (desc, notes) = read(
+        r#"<bsdf type="twosided" id="s"><bsdf type="diffuse"/><bsdf type="roughconductor"/></bsdf>
+<shape type="rectangle"><ref id="s"/></shape>
+<shape type="sphere"><ref id="s"/><point name="center" x="10" y="0" z="0"/></shape>
+<shape type="rectangle"><ref id="s"/>
+<transform name="to_world"><scale x="-1"/><translate x="20"/></transform></shape>"#,
+    );
+    assert!(!notes.contains("surfaces of"), "{notes}");
+    let (scene, _) = compile(&desc).unwrap();
+    let triangles = scene.triangles.len() as u32;
+    assert_eq!((triangles, scene.spheres.len()), (4, 1));
+    let part = |primitive: u32, x: f32, z: f32, t: f32| {
+        let ray = Ray {
+            origin: Vec3::new(x, 0.0, z),
+            dir: Vec3::new(0.0, 0.0, -z.signum()),
+        };
+        let hit = Hit {
+            t,
+            primitive,
+            instance: NONE,
+            uv: [0.5, 0.5],
+        };
+        let state = HitState::new(&scene, &ray, &hit, || 0.3);
+        desc.materials[state.material as usize].name.as_str()
+    };
+    // From the front and from behind; the last rectangle is mirrored, which keeps its front.
+    for (primitive, x) in [(0, 0.0), (1, 0.0), (2, 20.0), (3, 20.0)] {
+        let sides = [5.0, -5.0].map(|z| part(primitive, x, z, 5.0));
+        assert_eq!(sides, ["s_1", "s_2"], "{primitive}");
+    }
+    // From outside and from within.
+    let sides = [4.0, 6.0].map(|t| part(triangles, 10.0, 5.0, t));
+    assert_eq!(sides, ["s_1", "s_2"]);
+    let three = read(
+        r#"<bsdf type="twosided" id="s"><bsdf type="diffuse"/><bsdf type="diffuse"/><bsdf type="diffuse"/></bsdf>"#,
+    );
+    assert!(
+        three.1.contains("only the first of the 3 surfaces"),
+        "{}",
+        three.1
+    );
 }
 
 #[test]

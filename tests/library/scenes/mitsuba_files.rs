@@ -241,7 +241,7 @@ fn spectra_are_those_of_mitsuba_in_rgb() {
         ))
         .unwrap_err()
     };
-    assert!(refused("type=\"blackbody\"/>").contains("`uniform`, `d65`"));
+    assert!(refused("type=\"blackbody\"/>").contains("`blackbody` needs `temperature`"));
     assert!(refused("value=\"400:0.5, 500\"/>").contains("pairs of wavelength and value"));
     let folder = Folder::new(&[
         ("x.spd", "# nm value\n400 0.5\n700 1.5\n"),

@@ -277,3 +277,80 @@ fn black_bodies_are_warm_or_cold_and_as_bright_as_planck_says() {
     let sky = emitter(r#"temperature="12000" scale="0.001""#);
     assert!(sky.z > sky.x && sky.z < 1e4, "{sky}");
 }
+
+/// Returns the material of every triangle of an OBJ of two faces, `Left` and `Right`, by the name of
+/// its colour in `a.mtl`, in a scene of a version.
+fn colors_of_faces(version: &str, inside: &str) -> (Vec<Vec3>, String) {
+    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nusemtl Left\nf 1 2 3\nusemtl Right\nf 1 3 4\n";
+    let shape =
+        format!(r#"<shape type="obj"><string name="filename" value="a.obj"/>{inside}</shape>"#);
+    let text = format!("<scene version=\"{version}\">{shape}</scene>");
+    let mtl = "newmtl Left\nKd 1 0 0\nnewmtl Right\nKd 0 0 1\n";
+    let folder = Folder::new(&[("a.xml", text.as_str()), ("a.obj", obj), ("a.mtl", mtl)]);
+    let (desc, notes) = folder.load("a.xml").unwrap_or_else(|e| panic!("{e}"));
+    let (scene, _) = compile(&desc).unwrap();
+    let colors = scene
+        .attributes
+        .iter()
+        .map(|a| scene.materials[a.material as usize].base_color);
+    (colors.collect(), lines(&notes))
+}
+
+#[test]
+fn faces_of_an_obj_have_the_surfaces_that_are_named_after_them() {
+    let surface = |name: &str, color: &str| {
+        format!(
+            r#"<bsdf type="twosided" name="{name}"><bsdf type="diffuse"><rgb name="reflectance" value="{color}"/></bsdf></bsdf>"#
+        )
+    };
+    let both = surface("Right", "0, 1, 0") + &surface("Left", "0, 0, 1");
+    let (colors, notes) = colors_of_faces("0.6.0", &both);
+    assert_eq!(colors, [Vec3::Z, Vec3::Y]);
+    assert!(!notes.contains("not supported"), "{notes}");
+    // A face without one has the surface of the whole shape; version 3 knows no others.
+    let one = surface("", "0, 1, 0") + &surface("Left", "0, 0, 1");
+    assert_eq!(colors_of_faces("0.6.0", &one).0, [Vec3::Z, Vec3::Y]);
+    assert_eq!(
+        colors_of_faces("0.6.0", &surface("any", "0, 1, 0")).0,
+        [Vec3::Y; 2]
+    );
+    assert_eq!(colors_of_faces("3.0.0", &both).0, [Vec3::Y; 2]);
+}
+
+#[test]
+fn an_obj_without_a_surface_has_those_of_its_material_files() {
+    assert_eq!(colors_of_faces("0.6.0", "").0, [Vec3::X, Vec3::Z]);
+    let grey = [Vec3::splat(0.5); 2];
+    assert_eq!(colors_of_faces("3.0.0", "").0, grey);
+    let off = r#"<boolean name="loadMaterials" value="False"/>"#;
+    assert_eq!(colors_of_faces("0.6.0", off).0, grey);
+}
+
+#[test]
+fn the_boundary_of_a_medium_is_no_surface_unless_it_has_one() {
+    let medium = r#"<medium type="homogeneous" name="interior"/>"#;
+    let model = |version: &str, rest: &str| {
+        let (desc, notes) = read(
+            version,
+            &format!(r#"<shape type="sphere">{medium}{rest}</shape>"#),
+        );
+        assert!(notes.contains("medium"), "{notes}");
+        (desc.materials[0].model, desc.materials[0].ior)
+    };
+    assert_eq!(model("0.6.0", ""), (Model::Dielectric, 1.0));
+    assert_eq!(
+        model("0.6.0", r#"<bsdf type="diffuse"/>"#).0,
+        Model::Lambert
+    );
+    assert_eq!(model("3.0.0", "").0, Model::Lambert);
+}
+
+#[test]
+fn both_names_of_a_diffuse_reflectance_are_known() {
+    let (desc, notes) = read(
+        "0.6.0",
+        r#"<shape type="rectangle"><bsdf type="diffuse"><rgb name="diffuseReflectance" value="0.1, 0.2, 0.3"/></bsdf></shape>"#,
+    );
+    assert_eq!(desc.materials[0].base_color, Vec3::new(0.1, 0.2, 0.3));
+    assert!(!notes.contains("diffuse_reflectance"), "{notes}");
+}

@@ -157,3 +157,69 @@ fn normals_of_smoothing_groups_face_the_front_of_every_convention() {
         }
     }
 }
+
+#[test]
+fn a_byte_order_mark_and_ends_of_lines_of_old_systems_are_accepted() {
+    let mtl = "\u{feff}newmtl wood\rKd 1 0 0\r";
+    let obj = format!("\u{feff}mtllib a.mtl\n{CORNERS}usemtl wood\nf 1 2 3\n").replace('\n', "\r");
+    let (desc, notes) = load(&obj, &[("a.mtl", mtl)]);
+    assert_eq!(desc.materials[0].base_color, Vec3::X);
+    assert_eq!(notes, "");
+}
+
+#[test]
+fn weights_of_vertices_do_not_move_polygons() {
+    let (desc, notes) = load("v 0 0 0 1\nv 2 0 0 0.5\nv 0 2 0 1\nf 1 2 3\n", &[]);
+    assert_eq!(mesh_of(&desc, 0).positions[1], Vec3::X * 2.0);
+    assert!(
+        notes.contains("line 2") && notes.contains("weights"),
+        "{notes}"
+    );
+    let (_, notes) = load("v 0 0 0 1\nv 2 0 0 1\nv 0 2 0 1\nf 1 2 3\n", &[]);
+    assert_eq!(notes, "");
+}
+
+#[test]
+fn a_material_that_no_file_has_is_noted() {
+    let obj = format!("mtllib a.mtl\n{CORNERS}usemtl Wood\nf 1 2 3\n");
+    let (desc, notes) = load(&obj, &[("a.mtl", "newmtl wood\nKd 1 0 0\n")]);
+    assert_eq!(
+        desc.materials[0].base_color,
+        MaterialDesc::new("m").base_color
+    );
+    assert!(
+        notes.contains("usemtl: no material file has `Wood`"),
+        "{notes}"
+    );
+}
+
+#[test]
+fn values_that_were_not_set_are_left_alone() {
+    let (m, notes) = material("newmtl m\nNi 0\nmap_Kd\nmap_Bump   \n");
+    assert_eq!(m.ior, MaterialDesc::new("m").ior);
+    assert!(m.textures.is_empty());
+    assert!(
+        notes.contains("`map_Kd` names no file") && notes.contains("`map_Bump` names no file"),
+        "{notes}"
+    );
+    let (_, notes) = material("newmtl m\nNs -1\n");
+    assert!(notes.contains("-1 of `Ns` is outside 0 to"), "{notes}");
+}
+
+#[test]
+fn meshlab_writes_coverage_as_tr() {
+    let (m, notes) = material("# Converted by Meshlab Group\nnewmtl m\nTr 1.0\n");
+    assert!(m.texture(TextureSlot::Mask).is_none(), "{notes}");
+    let (m, _) = material("# Converted by Meshlab Group\nnewmtl m\nTr 0.75\n");
+    assert_eq!(coverage(&m), 0.75);
+}
+
+#[test]
+fn a_channel_of_a_map_is_selected() {
+    for (channel, expected) in [("r", 1.0), ("g", 0.0), ("m", 0.5)] {
+        let (m, notes) = material(&format!("newmtl m\nmap_d -imfchan {channel} alpha.png\n"));
+        assert_eq!((coverage(&m), notes.as_str()), (expected, ""), "{channel}");
+    }
+    let (_, notes) = material("newmtl m\nmap_Kd -imfchan g alpha.png\n");
+    assert!(notes.contains("`-imfchan`"), "{notes}");
+}

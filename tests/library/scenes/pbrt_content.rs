@@ -7,8 +7,8 @@ use glam::{Vec2, Vec3};
 use lumbre_light::scene::compile;
 use lumbre_light::scene::compile::Uv;
 use lumbre_light::scene::desc::{
-    ConeEdge, EntityDesc, EnvironmentSource, LightKind, MaskMode, MaterialDesc, Model, SceneDesc,
-    TextureFilter, TextureSlot, Wrap,
+    ConeEdge, EntityDesc, EnvironmentSource, LightKind, MaskMode, MaterialDesc, Model,
+    RoughnessTexels, SceneDesc, TextureFilter, TextureSlot, Wrap,
 };
 use lumbre_light::transport::light::{LightId, LightPoint, Lights};
 
@@ -265,11 +265,12 @@ fn textures_are_decoded_scaled_and_mapped() {
         color,
     );
     assert!((texel(&m, base) - 127.0 / 255.0).abs() < 1e-5);
-    // Alpha is the square root of 0.2158605, and ours its root.
+    // Alpha is the square root of 0.2158605.
     let rough = "Material \"conductor\" \"texture roughness\" \"t\"";
     let (m, _) = with(&format!("\"float\" \"imagemap\" {file}"), rough);
     let found = texel(&m, TextureSlot::Roughness);
-    assert!((found - 0.215_860_5f32.powf(0.25)).abs() < 1e-5, "{found}");
+    assert!((found - 0.215_860_5f32.sqrt()).abs() < 1e-5, "{found}");
+    assert_eq!(m.roughness_texels, RoughnessTexels::Alpha);
     let (m, notes) = with(
         "\"spectrum\" \"checkerboard\" \"float uscale\" 4 \"float vscale\" 4 \"rgb tex1\" [1 0 0] \
          \"rgb tex2\" [0 0 1]",

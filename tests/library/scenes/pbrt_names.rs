@@ -5,7 +5,7 @@ use glam::Vec3;
 use lumbre_light::scene::compile;
 use lumbre_light::scene::desc::{MaterialDesc, SceneDesc, TextureSlot};
 
-use super::pbrt::{TRIANGLE, corners, read, read_v3};
+use super::pbrt::{TRIANGLE, VIEW, corners, read, read_files, read_v3};
 
 /// Returns the material of each entity.
 fn materials(desc: &SceneDesc) -> Vec<&MaterialDesc> {
@@ -182,4 +182,15 @@ fn a_light_of_two_sides_has_a_front_on_either() {
         inwards > 0 && notes.contains("mesh of triangles"),
         "{notes}"
     );
+}
+
+#[test]
+fn carriage_returns_end_comments_and_version_2_is_noted() {
+    let world = format!(
+        "# the first\r{RED}Material \"matte\" \"texture Kd\" \"t\" # the second\r{TRIANGLE}"
+    );
+    assert_eq!(colors(&read_v3(&world.replace('\n', "\r")).0), [Vec3::X]);
+    let text = format!("{VIEW}SurfaceIntegrator \"path\"\nWorldBegin\n{TRIANGLE}WorldEnd\n");
+    let (_, notes) = read_files(&[("a.pbrt", text.as_bytes())]).unwrap();
+    assert!(notes.contains("version 2"), "{notes}");
 }

@@ -320,17 +320,19 @@ fn maps_of_an_mtl_follow_their_own_options() {
 #[test]
 fn unsupported_mtl_statements_are_noted_and_invalid_ones_are_errors() {
     let (desc, notes) = materials(
-        "newmtl a\ndisp -bm 0.5 h.png\ndisp h.png\nNi 0\nKd 2 0 0\nmap_Kd -s 1 2 1 -clamp on base_color_texture.png\n",
+        "newmtl a\ndisp -bm 0.5 h.png\ndisp h.png\nNi 0.001\nKd 2 0 0\nmap_Kd -s 1 2 1 -clamp on base_color_texture.png\n",
     );
     for part in [
         "line 2: statements `disp` are not supported",
-        "line 4: 0 is outside 0.01 to 100; 0.01 is used",
-        "line 5: 2 is outside 0 to 1",
+        "line 4: 0.001 of `Ni` is outside 0.01 to 100; 0.01 is used",
+        "line 5: 2 of `Kd` is outside 0 to 1",
+        "usemtl: no material file has `b`",
     ] {
         assert!(notes.contains(part), "{part} in\n{notes}");
     }
-    assert_eq!(notes.lines().count(), 3, "{notes}");
+    assert_eq!(notes.lines().count(), 4, "{notes}");
     assert_eq!(desc.materials[0].base_color, Vec3::X);
+    assert_eq!(desc.materials[0].ior, 0.01);
     assert_eq!(desc.materials[1], MaterialDesc::new("b"));
     for (mtl, problem) in [
         (
@@ -340,7 +342,6 @@ fn unsupported_mtl_statements_are_noted_and_invalid_ones_are_errors() {
         ("newmtl a\nKd 1 1\n", "line 2: expected 3 numbers"),
         ("newmtl a\nNi nan\n", "line 2: NaN"),
         ("newmtl a\nNs high\n", "line 2: `high` is not a number"),
-        ("newmtl a\nmap_Kd\n", "line 2: a map needs a file"),
         (
             "newmtl a\nmap_Kd gone.png\n",
             "line 2: texture of the material `a`: cannot read",

@@ -5,8 +5,8 @@ use std::ops::Index;
 use super::bsdf::{Bsdf, Orientation, PackedBsdf, PackedClass};
 use super::ray::{Hit, Ray, RayHits};
 use super::surface::{
-    self, PrimitiveKind, ShadingParameters, Surface, SurfaceTraits, has_fractional_mask, lookup,
-    uv_at,
+    self, PrimitiveKind, ShadingParameters, Surface, SurfaceTraits, has_fractional_mask, is_back,
+    lookup, uv_at,
 };
 use crate::math::real::Real;
 use crate::math::simd::{Lanes, map_array, store_vectors};
@@ -202,6 +202,9 @@ impl HitState<f32> {
             (row, NONE)
         } else {
             scene.delays.choose_component(row, choose, |blend| {
+                if blend.by_side {
+                    return if is_back(scene, ray, hit) { 1.0 } else { 0.0 };
+                }
                 let uv = uv_at(scene, ray, hit);
                 lookup(&scene.textures, blend.texture, uv, blend.tiling).x
             })

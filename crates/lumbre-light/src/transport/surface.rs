@@ -20,7 +20,7 @@ use crate::scene::CompiledScene;
 use crate::scene::compile::{Material, NONE, Texture, Uv};
 
 pub use lookup::{lookup, lookup_in_lanes, lookup_scalar};
-pub use mask::{acceptance, coverage, has_fractional_mask, is_masked_out, uv_at};
+pub use mask::{acceptance, coverage, has_fractional_mask, is_back, is_masked_out, uv_at};
 pub use parameters::ShadingParameters;
 pub use terminator::TerminatorOffset;
 pub use traits::{PrimitiveKind, SurfaceTraits, TexturedParameters};

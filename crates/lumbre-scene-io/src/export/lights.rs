@@ -3,7 +3,7 @@
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 
 use super::{SceneWriter, identifier};
-use crate::load::{environment_square, mean_texel};
+use crate::load::{FINE_ROWS, environment_square, mean_texel, with_rows_at_poles};
 use lumbre_light::scene::desc::{ConeEdge, EnvironmentSource, LightKind, TextureDesc};
 use lumbre_light::scene::{Note, SceneError};
 
@@ -93,6 +93,8 @@ impl SceneWriter<'_> {
                 self.xml.rgb("radiance", *color * environment.scale);
             }
             EnvironmentSource::Map(map) => {
+                let finer = (map.height < FINE_ROWS).then(|| with_rows_at_poles(map));
+                let map = finer.as_ref().unwrap_or(map);
                 let file = self.textures.environment_map(map, &mut self.folder)?;
                 self.xml.open("emitter", &[("type", "envmap")]);
                 self.xml.value("string", "filename", &file);

@@ -18,7 +18,7 @@ use super::texture::{TexelConversion, TextureWriter};
 use super::xml::Xml;
 use crate::model_differences;
 use lumbre_light::scene::desc::{
-    DelayKind, Distribution, Formulas, MaskMode, MaterialDesc, Model, TextureSlot,
+    DelayKind, Distribution, Formulas, MaskMode, MaterialDesc, Model, RoughnessTexels, TextureSlot,
 };
 use lumbre_light::scene::{Note, SceneError};
 
@@ -339,7 +339,7 @@ impl SurfaceWriter<'_> {
             "roughness",
             m.roughness,
             TextureSlot::Roughness,
-            TexelConversion::Number,
+            TexelConversion::of_roughness(m.roughness_texels, RoughnessTexels::Roughness),
         )?;
         if m.metallic > 0.0 || m.texture(TextureSlot::Metallic).is_some() {
             self.number(
@@ -495,11 +495,14 @@ impl SurfaceWriter<'_> {
             if m.anisotropic > 0.0 {
                 self.note("anisotropy is not supported together with a roughness texture");
             }
+            if m.roughness_texels == RoughnessTexels::Roughness {
+                self.note(model_differences::ROUGHNESS_TEXELS);
+            }
             return self.number(
                 "alpha",
                 alpha,
                 TextureSlot::Roughness,
-                TexelConversion::Square,
+                TexelConversion::of_roughness(m.roughness_texels, RoughnessTexels::Alpha),
             );
         }
         if texture.is_some() {

@@ -13,7 +13,7 @@ use crate::export::xml::Xml;
 use lumbre_light::scene::SceneError;
 use lumbre_light::scene::compile::Curve;
 use lumbre_light::scene::desc::{
-    Lookup, MaterialDesc, Texels, TextureDesc, TextureFilter, TextureSlot, Wrap,
+    Lookup, MaterialDesc, RoughnessTexels, Texels, TextureDesc, TextureFilter, TextureSlot, Wrap,
 };
 
 /// Conversion of a texture's texels for a parameter of a surface or light.
@@ -31,6 +31,8 @@ pub(super) enum TexelConversion {
     Height,
     /// Square of the red channel.
     Square,
+    /// Square root of the red channel.
+    Root,
     /// One minus the red channel.
     OneMinus,
     /// One if the red channel is at least this value, else zero.
@@ -42,6 +44,15 @@ pub(super) enum TexelConversion {
 }
 
 impl TexelConversion {
+    /// Returns the conversion of a roughness texture to what the texels of another one mean.
+    pub fn of_roughness(from: RoughnessTexels, to: RoughnessTexels) -> TexelConversion {
+        match (from, to) {
+            (RoughnessTexels::Roughness, RoughnessTexels::Alpha) => TexelConversion::Square,
+            (RoughnessTexels::Alpha, RoughnessTexels::Roughness) => TexelConversion::Root,
+            _ => TexelConversion::Number,
+        }
+    }
+
     /// Returns bits that identify the conversion.
     fn key(self) -> [u32; 4] {
         let color = |tag: u32, c: Vec3| [tag, c.x.to_bits(), c.y.to_bits(), c.z.to_bits()];
@@ -56,6 +67,7 @@ impl TexelConversion {
             TexelConversion::Normal(by) => [7, by.to_bits(), 0, 0],
             TexelConversion::Height => [8, 0, 0, 0],
             TexelConversion::NormalUp(by) => [9, by.to_bits(), 0, 0],
+            TexelConversion::Root => [10, 0, 0, 0],
         }
     }
 
@@ -88,6 +100,7 @@ impl TexelConversion {
             TexelConversion::Number => [r.clamp(0.0, 1.0); 3],
             TexelConversion::Height => [r; 3],
             TexelConversion::Square => [r.clamp(0.0, 1.0).powi(2); 3],
+            TexelConversion::Root => [r.clamp(0.0, 1.0).sqrt(); 3],
             TexelConversion::OneMinus => [1.0 - r.clamp(0.0, 1.0); 3],
             TexelConversion::Threshold(at) => [if r < at { 0.0 } else { 1.0 }; 3],
             TexelConversion::Normal(by) | TexelConversion::NormalUp(by) => {

@@ -10,6 +10,29 @@ use lumbre_light::scene::desc::{Texels, TextureDesc};
 /// Greatest height of a map that is computed.
 pub(super) const MAX_HEIGHT: u32 = 2048;
 
+/// Least height of a map that is computed, at which a coarse one keeps its interpolation.
+pub(super) const MIN_HEIGHT: u32 = 512;
+
+/// Rows from which on a map has the same light within 0.5 % whether its first and last row are at the
+/// poles, as in Mitsuba, or half a texel from them, as here.
+pub(crate) const FINE_ROWS: u32 = 90;
+
+/// Returns a finer map for Mitsuba, whose first and last rows are at the poles.
+pub(crate) fn with_rows_at_poles(image: &TextureDesc) -> TextureDesc {
+    let height = (2 * image.height).max(MIN_HEIGHT);
+    let width = 2 * height;
+    let [w, h] = [image.width, image.height].map(f64::from);
+    let texel = |x: u32, y: u32| {
+        let u = (f64::from(x) + 0.5) / f64::from(width);
+        let v = f64::from(y) / f64::from(height - 1);
+        let [r, g, b] = bilinear(image, u * w - 0.5, v * h - 0.5);
+        [r, g, b, 1.0]
+    };
+    let texels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    let texels = texels.map(|(x, y)| texel(x, y)).collect();
+    TextureDesc::new(&image.file, width, height, Texels::RgbaF32(texels))
+}
+
 /// Returns the linear colour of a texel.
 pub(super) fn texel(image: &TextureDesc, x: u32, y: u32) -> [f32; 3] {
     let at = y as usize * image.width as usize + x as usize;

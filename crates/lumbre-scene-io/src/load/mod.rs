@@ -21,6 +21,7 @@ mod packed;
 mod pbrt;
 mod ply;
 mod polygon;
+pub mod primaries;
 mod reading;
 mod row;
 mod scn;
@@ -28,10 +29,13 @@ mod spectrum;
 mod unknown;
 
 use beside::beside;
+pub(crate) use environment::{FINE_ROWS, with_rows_at_poles};
 pub use images::load as texture;
 pub(crate) use images::mean_texel;
 pub(crate) use pbrt::environment_square;
-pub(crate) use reading::{canonical, open, read_file, unreadable, with_lenient_hint};
+pub(crate) use reading::{
+    canonical, open, read_file, text_of_lines, unreadable, with_lenient_hint,
+};
 pub use row::{FormatRow, Loader, MissingTextures, SupportedElement, Variables, VariablesLoader};
 
 use std::io::Read;
@@ -121,9 +125,9 @@ pub const FORMATS: &[FormatRow] = &[
     },
 ];
 
-/// Note on a model in which nothing emits light.
-const STUDIO: &str = "nothing in this model emits light: it stands in a studio with a ground, an area \
-                      light and a dim environment. The scene option `stage` selects `studio`, \
+/// Note on a model without lights.
+const STUDIO: &str = "this model has no lights (textures that glow do not count): it stands in a studio \
+                      with a ground, an area light and a dim environment. The scene option `stage` selects `studio`, \
                       `white` (radiance 1 from everywhere) or `none`";
 
 /// Number of entities that a file of any size may create by instances; each byte of the file allows

@@ -18,11 +18,15 @@ use std::path::Path;
 use glam::{DVec3, Vec2, Vec3};
 
 use self::source::{NumberStream, NumberType};
+use super::beside::beside;
 use super::default_scene;
+use super::images::ImageCache;
 use super::polygon::Triangulator;
-use super::{MissingTextures, read_file};
+use super::{MissingTextures, read_file, with_lenient_hint};
 use lumbre_light::scene::compile::srgb_to_linear;
-use lumbre_light::scene::desc::{DEFAULT_MATERIAL, MaterialDesc, MeshDesc, SceneDesc, mesh_hash};
+use lumbre_light::scene::desc::{
+    DEFAULT_MATERIAL, MaterialDesc, MeshDesc, SceneDesc, TextureSlot, mesh_hash,
+};
 use lumbre_light::scene::{Note, SceneError};
 
 /// Greatest size of a PLY file in bytes.
@@ -39,9 +43,9 @@ const PROPERTIES: [&[&str]; 11] = [
     &["nz"],
     &["u", "s", "texture_u"],
     &["v", "t", "texture_v"],
-    &["red", "r", "diffuse_red"],
-    &["green", "g", "diffuse_green"],
-    &["blue", "b", "diffuse_blue"],
+    &["red", "r", "diffuse_red", "color_0"],
+    &["green", "g", "diffuse_green", "color_1"],
+    &["blue", "b", "diffuse_blue", "color_2"],
 ];
 
 /// Position, normal, texture coordinates and colour of a vertex.
@@ -52,17 +56,48 @@ pub(super) fn sniff(head: &[u8]) -> bool {
     head.starts_with(b"ply\n") || head.starts_with(b"ply\r")
 }
 
-/// Loads a PLY file as a scene: a white mesh, viewed by a camera that frames it.
+/// Loads a PLY file as a scene: a white mesh, or one with the texture that a comment names, viewed by
+/// a camera that frames it.
 pub(super) fn load(
     path: &Path,
-    _missing: MissingTextures,
+    missing: MissingTextures,
 ) -> Result<(SceneDesc, Vec<Note>), SceneError> {
     let mut notes = Vec::new();
-    let mesh = load_mesh(path, DEFAULT_MATERIAL, &mut notes)?;
-    Ok((
-        default_scene::scene(path, mesh, vec![MaterialDesc::new(DEFAULT_MATERIAL)]),
-        notes,
-    ))
+    let bytes = read_file(path, MAX_PLY_BYTES)?;
+    let mesh = decode_mesh(path, &bytes, DEFAULT_MATERIAL, &mut notes)?;
+    let mut material = MaterialDesc::new(DEFAULT_MATERIAL);
+    let images = texture_files(&bytes);
+    let mut note = |message: String| notes.push(Note::new(path, "header", message));
+    match images.as_slice() {
+        [] => {}
+        [name, ..] if mesh.uvs.is_empty() => note(format!(
+            "the texture `{}` needs texture coordinates of vertices; ignored",
+            truncated(name)
+        )),
+        [name, others @ ..] => {
+            if !others.is_empty() {
+                note(format!(
+                    "of {} textures only the first is used",
+                    images.len()
+                ));
+            }
+            let file = beside(path.parent().unwrap_or(Path::new("")), name);
+            match ImageCache::default().load(&file, &mut notes) {
+                Ok(image) => material.set_texture(TextureSlot::BaseColor, Some(image)),
+                Err(e) if missing == MissingTextures::Fail => {
+                    let problem = format!("texture: {e}");
+                    return Err(with_lenient_hint(SceneError::malformed(
+                        path, "header", problem,
+                    )));
+                }
+                Err(e) => {
+                    let message = format!("{e}; the material is white");
+                    notes.push(Note::new(path, "header", message));
+                }
+            }
+        }
+    }
+    Ok((default_scene::scene(path, mesh, vec![material]), notes))
 }
 
 /// Loads a mesh whose triangles all have the material `slot`.
@@ -95,7 +130,13 @@ pub(super) fn decode_mesh(
     };
     for element in &elements {
         match element.name.as_str() {
-            "vertex" => vertices(element, &mut source, &mut mesh).map_err(fail)?,
+            "vertex" => {
+                if vertices(element, &mut source, &mut mesh).map_err(fail)? {
+                    note(
+                        "colours of vertices exceed 1; all are divided by 255 and decoded from sRGB",
+                    );
+                }
+            }
             "face" => {
                 let fans = faces(element, &mut source, &mut mesh).map_err(fail)?;
                 if fans > 0 {
@@ -239,12 +280,12 @@ impl Element {
     }
 }
 
-/// Reads all vertices.
+/// Reads all vertices. Returns whether colours are floats as large as bytes.
 fn vertices(
     element: &Element,
     source: &mut NumberStream,
     mesh: &mut MeshDesc,
-) -> Result<(), PlyError> {
+) -> Result<bool, PlyError> {
     element.check(source)?;
     let slot_of = |p: &Property| {
         PROPERTIES
@@ -287,15 +328,17 @@ fn vertices(
             mesh.uvs.push(Vec2::new(u, v));
         }
         if has_colors {
-            let linear = |c: f32| {
-                color_max
-                    .map_or(c, |max| srgb_to_linear(c / max))
-                    .clamp(0.0, 1.0)
-            };
-            mesh.colors.push(Vec3::from_array(color.map(linear)));
+            mesh.colors.push(Vec3::from_array(color));
         }
     }
-    Ok(())
+    let above_one = |c: &Vec3| c.max_element() > 1.0;
+    let like_bytes = color_max.is_none() && mesh.colors.iter().any(above_one);
+    let max = if like_bytes { Some(255.0) } else { color_max };
+    for color in &mut mesh.colors {
+        let linear = |c: f32| max.map_or(c, |max| srgb_to_linear(c / max)).clamp(0.0, 1.0);
+        *color = color.map(linear);
+    }
+    Ok(like_bytes)
 }
 
 /// Properties that say nothing about the surface.
@@ -386,16 +429,40 @@ fn faces(
     Ok(triangulator.fans)
 }
 
+/// Returns the byte that ends the lines of a header: a carriage return where no line feed follows
+/// the first one.
+fn line_end(bytes: &[u8]) -> u8 {
+    match bytes {
+        [b'p', b'l', b'y', b'\r', next, ..] if *next != b'\n' => b'\r',
+        _ => b'\n',
+    }
+}
+
+/// Returns the images that comments of a header name, by the convention of MeshLab.
+fn texture_files(bytes: &[u8]) -> Vec<String> {
+    let lines = bytes.split(|b| *b == line_end(bytes)).take(MAX_NAMES);
+    let lines = lines.map(|line| String::from_utf8_lossy(line).trim().to_owned());
+    lines
+        .take_while(|line| line != "end_header")
+        .filter_map(|line| {
+            let comment = line.strip_prefix("comment ")?.trim_start();
+            Some(comment.strip_prefix("TextureFile")?.trim().to_owned())
+        })
+        .filter(|name| !name.is_empty())
+        .collect()
+}
+
 /// Reads the header; returns its elements and the stream of numbers that follows.
 fn header(bytes: &[u8]) -> Result<(Vec<Element>, NumberStream<'_>), PlyError> {
     let mut at = 0;
     let mut number = 0;
+    let end = line_end(bytes);
     let mut format = None;
     let mut elements: Vec<Element> = Vec::new();
     loop {
         number += 1;
         let fail = |problem: &str| Err((format!("line {number}"), problem.to_owned()));
-        let Some(length) = bytes[at..].iter().take(4096).position(|b| *b == b'\n') else {
+        let Some(length) = bytes[at..].iter().take(4096).position(|b| *b == end) else {
             return fail("the header has no end: expected `end_header`");
         };
         let Ok(line) = std::str::from_utf8(&bytes[at..at + length]) else {

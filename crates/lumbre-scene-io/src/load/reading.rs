@@ -1,5 +1,6 @@
 //! Files of scenes: opened and read within limits.
 
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -28,6 +29,17 @@ pub(crate) fn unreadable(path: &Path, reason: impl std::fmt::Display) -> SceneEr
         file: path.to_owned(),
         reason: reason.to_string(),
     }
+}
+
+/// Returns a text whose lines end with line feeds: without a byte order mark, and with line feeds in
+/// place of carriage returns if only these end lines. Bytes that are no UTF-8 are replaced: names and
+/// comments in other encodings are common and harmless, and numbers are ASCII in all of them.
+pub(crate) fn text_of_lines(bytes: &[u8]) -> Cow<'_, str> {
+    let text = String::from_utf8_lossy(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes));
+    if text.contains('\r') && !text.contains('\n') {
+        return Cow::Owned(text.replace('\r', "\n"));
+    }
+    text
 }
 
 /// Returns the canonical path of a file, or the path itself if there is no such file.

@@ -139,6 +139,8 @@ super::gpu_structs! {
         thin: u32,
         /// FORMULAS_LUMBRE or FORMULAS_MITSUBA.
         formulas: u32,
+        /// 1 if texels of the roughness texture are alpha, the square of roughness, else 0.
+        alpha_texels: u32,
         /// 1 if light passes the interface of plastic as its microfacets let it, else 0.
         rough_body: u32,
         /// Transmittance of the microfacets at cosine 0, and its slopes up to the fourth knot.

@@ -18,7 +18,7 @@ use crate::layout::{EnvironmentRow, LightChoice};
 use crate::pipelines::compute::BoundResource;
 use lumbre_light::film::layer::LayerLayout;
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::scene::compile::{self, Model, NONE};
+use lumbre_light::scene::compile::{self, Model, NONE, RoughnessTexels};
 use lumbre_light::scene::desc::TextureFilter;
 use lumbre_light::transport::light::{LightSelection, Lights};
 
@@ -326,6 +326,7 @@ fn material(m: &compile::Material) -> layout::Material {
         distribution: m.interface.distribution as u32,
         thin: m.interface.thin.into(),
         formulas: m.formulas as u32,
+        alpha_texels: (m.roughness_texels == RoughnessTexels::Alpha).into(),
         rough_body: m.interface.transmittance.is_some().into(),
         transmittance_grazing: knots(0),
         transmittance_middle: knots(4),

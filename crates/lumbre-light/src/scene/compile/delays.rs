@@ -24,18 +24,20 @@ pub struct Delays {
     pub components: Vec<MaterialComponent>,
     /// Temporal profiles of all components.
     pub profiles: Vec<DelayProfile>,
-    /// Materials of two parts whose weights have a texture. They have no components.
+    /// Materials of two parts, of which one is chosen at each hit. They have no components.
     pub blends: Vec<Blend>,
 }
 
-/// A material of two parts whose weights have a texture.
+/// A material of two parts, of which one is chosen at each hit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Blend {
     /// Index into [`CompiledScene::materials`](super::CompiledScene::materials).
     pub material: u32,
     /// Indices of the parts, which may be composed or blends themselves.
     pub parts: [u32; 2],
-    /// Texture whose red channel is the weight of the second part.
+    /// Whether the first part is the front and the second the back.
+    pub by_side: bool,
+    /// Otherwise the texture whose red channel is the weight of the second part.
     pub texture: u32,
     /// Map from surface texture coordinates to those of the texture.
     pub tiling: UvMap,
@@ -231,7 +233,7 @@ pub(super) fn compile(
     let names = desc.material_names();
     for (index, m) in desc.materials.iter().enumerate() {
         let first = delays.components.len();
-        if m.texture(TextureSlot::Weights).is_some() && m.parts.len() == 2 {
+        if m.is_blend() {
             delays
                 .blends
                 .push(compile_blend(desc, &names, index, bank, notes));
@@ -270,7 +272,7 @@ pub(super) fn compile(
     Ok(delays)
 }
 
-/// Compiles a material of two parts whose weights have a texture.
+/// Compiles a material of two parts, of which one is chosen at each hit.
 fn compile_blend(
     desc: &SceneDesc,
     names: &MaterialNames,
@@ -284,6 +286,7 @@ fn compile_blend(
     Blend {
         material: index as u32,
         parts: [part(0), part(1)],
+        by_side: m.by_side,
         texture: bank.index(m, TextureSlot::Weights, notes),
         tiling: UvMap {
             scale: m.tiling,
@@ -311,7 +314,7 @@ impl Flattener<'_> {
         if delayed {
             outer.push(index);
         }
-        let is_blend = m.texture(TextureSlot::Weights).is_some() && m.parts.len() == 2;
+        let is_blend = m.is_blend();
         if (m.parts.is_empty() || is_blend) && weight > 0.0 {
             self.weight_sum += weight;
             let first = self.delays.profiles.len() as u32;
@@ -478,6 +481,7 @@ mod tests {
         Blend {
             material,
             parts,
+            by_side: false,
             texture: NONE,
             tiling: UvMap::IDENTITY,
         }

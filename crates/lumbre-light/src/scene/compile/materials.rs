@@ -91,6 +91,7 @@ fn compile_material(m: &MaterialDesc, bank: &mut TextureBank, notes: &mut Vec<No
         ior: m.ior,
         model: m.model,
         formulas: m.formulas,
+        roughness_texels: m.roughness_texels,
         subsurface: m.subsurface,
         specular_tint: m.specular_tint,
         anisotropic: m.anisotropic,

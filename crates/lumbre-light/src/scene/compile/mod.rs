@@ -34,7 +34,9 @@ pub use texels::{Curve, LinearTexels};
 pub use texture::{Footprint, Texture, Uv, UvMap};
 
 use super::desc::CameraDesc;
-pub use super::desc::{DelayKind, Distribution, Formulas, Lookup, MaskMode, Model, Wrap};
+pub use super::desc::{
+    DelayKind, Distribution, Formulas, Lookup, MaskMode, Model, RoughnessTexels, Wrap,
+};
 use super::{Note, SceneError};
 pub use instancing::{SHARED_FROM, Sharing};
 pub use materials::diffuse_reflectance;
@@ -149,6 +151,8 @@ pub struct Material {
     pub model: Model,
     /// Renderer whose formulas hold where renderers differ.
     pub formulas: Formulas,
+    /// Meaning of the texels of the roughness texture.
+    pub roughness_texels: RoughnessTexels,
     /// Perceptual roughness in 0..=1.
     pub roughness: f32,
     /// 0 dielectric to 1 metal.

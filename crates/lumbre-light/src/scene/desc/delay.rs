@@ -317,26 +317,30 @@ fn check_composition(
             "set emission to 0, or remove parts and weights",
         ));
     }
-    if m.texture(TextureSlot::Weights).is_some() {
-        check_blend(m)?;
-    }
+    check_blend(m)?;
     let mut components = 0;
     check_components(desc, names, m, m, 0, &mut components)
 }
 
-/// Checks a material whose weights have a texture.
+/// Checks a material of which a part is chosen at each hit: by a texture of weights, or by the side.
 fn check_blend(m: &MaterialDesc) -> Result<(), SchemaError> {
-    let slot = TextureSlot::Weights.name();
+    let textured = m.texture(TextureSlot::Weights).is_some();
+    let (param, what) = match (textured, m.by_side) {
+        (false, false) => return Ok(()),
+        (true, false) => (TextureSlot::Weights.name(), "a texture of weights"),
+        (false, true) => ("by_side", "a part for each side"),
+        (true, true) => {
+            let problem = "parts are chosen by their side or by a texture of weights".to_owned();
+            return Err(param_error(m, "by_side", problem, "leave out one of both"));
+        }
+    };
     if m.parts.len() != 2 {
-        let problem = format!(
-            "a texture of weights needs two parts, found {}",
-            m.parts.len()
-        );
-        return Err(param_error(m, slot, problem, ""));
+        let problem = format!("{what} needs two parts, found {}", m.parts.len());
+        return Err(param_error(m, param, problem, ""));
     }
     if m.delay.kind != DelayKind::None {
-        let problem = "a material with a texture of weights cannot have a delay".to_owned();
-        return Err(param_error(m, slot, problem, "give its parts the delay"));
+        let problem = format!("a material with {what} cannot have a delay");
+        return Err(param_error(m, param, problem, "give its parts the delay"));
     }
     Ok(())
 }
@@ -382,9 +386,11 @@ fn check_components(
                 "use materials without emission",
             ));
         }
-        if root.delay.kind != DelayKind::None && component.texture(TextureSlot::Weights).is_some() {
-            let problem =
-                format!("the part `{name}` of a delayed material has a texture of weights");
+        if root.delay.kind != DelayKind::None && component.is_blend() {
+            let problem = format!(
+                "the part `{name}` of a delayed material has a texture of weights, or a part for each \
+                 side"
+            );
             return Err(param_error(
                 root,
                 "parts",

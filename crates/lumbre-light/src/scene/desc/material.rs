@@ -6,8 +6,8 @@ use glam::{Vec2, Vec3};
 
 use super::delay_profile::DelayDesc;
 use super::{
-    Distribution, FilterChoice, Formulas, Lookup, MaskMode, Model, ShadingNormals, TextureDesc,
-    TextureSlot,
+    Distribution, FilterChoice, Formulas, Lookup, MaskMode, Model, RoughnessTexels, ShadingNormals,
+    TextureDesc, TextureSlot,
 };
 use crate::value::Value;
 use crate::value::schema::{SchemaError, Ty};
@@ -95,6 +95,8 @@ pub struct MaterialDesc {
     pub transmittance: Vec3,
     /// Renderer whose formulas hold where renderers differ.
     pub formulas: Formulas,
+    /// Meaning of the texels of the roughness texture.
+    pub roughness_texels: RoughnessTexels,
     /// Whether an emitting surface also reflects: false in `.scn` files, true in Lumbre's own
     /// scenes.
     pub emitter_reflects: bool,
@@ -104,6 +106,8 @@ pub struct MaterialDesc {
     pub parts: Vec<String>,
     /// Weights of `parts`, which sum to one.
     pub weights: Vec<f32>,
+    /// Whether the first of two parts is the front and the second the back.
+    pub by_side: bool,
 }
 
 impl MaterialDesc {
@@ -147,11 +151,18 @@ impl MaterialDesc {
             shading_normals: ShadingNormals::Smooth,
             transmittance: Vec3::ZERO,
             formulas: Formulas::Lumbre,
+            roughness_texels: RoughnessTexels::Roughness,
             emitter_reflects: true,
             delay: DelayDesc::default(),
             parts: Vec::new(),
             weights: Vec::new(),
+            by_side: false,
         }
+    }
+
+    /// Returns whether one of two parts is chosen at each hit: by a texture of weights, or by the side.
+    pub fn is_blend(&self) -> bool {
+        self.parts.len() == 2 && (self.by_side || self.texture(TextureSlot::Weights).is_some())
     }
 
     /// Returns the texture in a slot.

@@ -4,8 +4,8 @@
 use super::delay::DELAY_PARAMS;
 use super::material::MaterialParam;
 use super::{
-    Distribution, FilterChoice, Formulas, MaskMode, MaterialDesc, Model, ShadingNormals,
-    TextureSlot,
+    Distribution, FilterChoice, Formulas, MaskMode, MaterialDesc, Model, RoughnessTexels,
+    ShadingNormals, TextureSlot,
 };
 use crate::value::Value;
 use crate::value::schema::Ty;
@@ -235,6 +235,12 @@ const LATER: &[MaterialParam] = rows! {
          `disney` a clear coat does not darken the lobes below it and is brighter, and tinted \
          reflections become white by Schlick's formula; slopes of bump maps jump from texel to texel. Scenes of \
          Mitsuba are loaded so.";
+    choice roughness_texels(RoughnessTexels), "",
+        "Meaning of the texels of the roughness texture, between which it is interpolated: \
+         `roughness`, or its square `alpha`, which Mitsuba and pbrt have in theirs.";
+    flag by_side(), "",
+        "Whether the first of two `parts` is the front of the surface and the second its back. Their \
+         `weights` then have no effect.";
 };
 
 #[cfg(test)]

@@ -36,7 +36,9 @@ pub use light::{
 pub use lookup::{Lookup, NoInverse, TextureFilter, Wrap};
 pub use material::MaterialDesc;
 pub use material_params::MATERIAL_PARAMS;
-pub use model::{Distribution, FilterChoice, Formulas, MaskMode, Model, ShadingNormals};
+pub use model::{
+    Distribution, FilterChoice, Formulas, MaskMode, Model, RoughnessTexels, ShadingNormals,
+};
 pub use slot::TextureSlot;
 pub use view_window::{MAX_WINDOW_EDGE, ViewWindow};
 

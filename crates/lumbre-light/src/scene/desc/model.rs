@@ -59,6 +59,18 @@ crate::named! {
 }
 
 crate::named! {
+    /// Meaning of the texels of a roughness texture, between which it is interpolated.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+    pub enum RoughnessTexels {
+        /// The parameter `roughness`.
+        #[default]
+        Roughness = "roughness",
+        /// Its square, the width of the distribution of normals.
+        Alpha = "alpha",
+    }
+}
+
+crate::named! {
     /// Renderer whose formulas a material follows where renderers differ.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
     pub enum Formulas {

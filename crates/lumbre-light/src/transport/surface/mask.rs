@@ -30,6 +30,16 @@ fn leaves_sphere(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> bool {
         })
 }
 
+/// Returns whether a hit is on the back of a surface.
+#[inline]
+pub fn is_back(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> bool {
+    if hit.primitive as usize >= scene.attributes.len() {
+        return leaves_sphere(scene, ray, hit);
+    }
+    let ([a, b, c], _) = scene.triangle(hit.primitive, hit.instance);
+    (b - a).cross(c - a).dot(ray.dir) > 0.0
+}
+
 /// Returns the coverage of a material's mask at texture coordinates: 0 or 1 if the mask is compared
 /// with a threshold, the mask itself if it is blended. Equals the expected result of
 /// [`is_masked_out`].

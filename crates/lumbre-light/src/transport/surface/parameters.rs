@@ -107,6 +107,9 @@ impl<R: Real> ShadingParameters<R> {
         let mut roughness = R::load(&map_array(surface.materials, |m| m.roughness));
         if textured.roughness {
             roughness = surface.texels(textures, |m| m.roughness_texture).x();
+            if textured.alpha {
+                roughness = roughness.sqrt();
+            }
         }
         let mut metallic = R::load(&map_array(surface.materials, |m| m.metallic));
         if textured.metallic {

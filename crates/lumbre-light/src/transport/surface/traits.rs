@@ -3,7 +3,7 @@
 #[cfg(doc)]
 use super::Surface;
 use crate::scene::CompiledScene;
-use crate::scene::compile::{Material, Model, NONE};
+use crate::scene::compile::{Material, Model, NONE, RoughnessTexels};
 
 /// Properties that the surfaces in all lanes of a vector share. They depend only on the primitive
 /// and its material, so that code may branch on them, and they state exactly which work
@@ -44,6 +44,8 @@ pub struct TexturedParameters {
     pub base_color: bool,
     /// Whether the roughness has one.
     pub roughness: bool,
+    /// Whether its texels are alpha, the square of roughness.
+    pub alpha: bool,
     /// Whether the weight of the metallic lobes has one.
     pub metallic: bool,
     /// Whether the opacity has one.
@@ -62,6 +64,7 @@ impl TexturedParameters {
         TexturedParameters {
             base_color: m.base_color_texture != NONE,
             roughness: m.roughness_texture != NONE,
+            alpha: m.roughness_texture != NONE && m.roughness_texels == RoughnessTexels::Alpha,
             metallic: m.metallic_texture != NONE,
             opacity: m.opacity_texture != NONE,
             transmittance: m.transmittance_texture != NONE,

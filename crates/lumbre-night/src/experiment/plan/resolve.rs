@@ -512,11 +512,10 @@ fn refusal(
         }
     }
     if !backend.blends {
-        let has_texture = |m: &&desc::MaterialDesc| m.texture(desc::TextureSlot::Weights).is_some();
-        if let Some(m) = scene.materials.iter().find(has_texture) {
+        if let Some(m) = scene.materials.iter().find(|m| m.is_blend()) {
             return Some(format!(
-                "it does not support a texture as the weights of a composed material, as in `{}`: \
-                 use `cpu`",
+                "it does not support a texture as the weights of a composed material, nor parts for \
+                 each side, as in `{}`: use `cpu`",
                 m.name
             ));
         }

@@ -8,7 +8,8 @@ use lumbre_light::math::simd::{Lanes, SimdKernel, Width, dispatch, map_array, pa
 use lumbre_light::math::warp::uniform_sphere;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{
-    Instance, Instances, Lookup, MaskMode, Material, Model, NONE, SharedMesh, Texture, UvMap, Wrap,
+    Instance, Instances, Lookup, MaskMode, Material, Model, NONE, RoughnessTexels, SharedMesh,
+    Texture, UvMap, Wrap,
 };
 use lumbre_light::scene::desc::{ConeDesc, ConeEdge};
 use lumbre_light::transport::integrator::bdpt::weights::LightEnd;
@@ -124,7 +125,7 @@ fn map(i: u32, wrap: [Wrap; 2]) -> Texture {
 
 /// Returns materials: plain; with every texture; with a normal map, a bump map, both; with a
 /// direction of anisotropy and its map; with a terminator offset; emissive.
-fn materials(builder: &mut SceneBuilder) -> [Material; 15] {
+fn materials(builder: &mut SceneBuilder) -> [Material; 16] {
     let [a, b, c] = [
         map(0, [Wrap::Repeat; 2]),
         map(1, [Wrap::Mirror, Wrap::Clamp]),
@@ -175,6 +176,10 @@ fn materials(builder: &mut SceneBuilder) -> [Material; 15] {
     [
         DISNEY,
         textured,
+        Material {
+            roughness_texels: RoughnessTexels::Alpha,
+            ..textured
+        },
         sheet,
         Material {
             base_color_texture: a,

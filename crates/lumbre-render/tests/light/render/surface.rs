@@ -8,8 +8,8 @@ use glam::{Mat2, Vec2, Vec3, Vec4};
 use lumbre_light::film::Film;
 use lumbre_light::scene::compile::{MaskMode, Material, NONE, Texture, UvMap};
 use lumbre_light::scene::desc::{
-    CameraDesc, EntityDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, Texels, TextureDesc,
-    TextureSlot, mesh_hash, texture_hash,
+    CameraDesc, EntityDesc, MaterialDesc, MeshDesc, RoughnessTexels, SceneDesc, ShapeDesc, Texels,
+    TextureDesc, TextureSlot, mesh_hash, texture_hash,
 };
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::integrator::integrator;
@@ -393,6 +393,29 @@ fn tiling_and_offset_determine_where_textures_are_looked_up() {
             (found - Vec3::new(1.0, 0.5, 0.0) * expected).length() < 1e-6,
             "{x}: {found}"
         );
+    }
+}
+
+#[test]
+fn a_roughness_texture_is_interpolated_in_what_its_texels_mean() {
+    // Two texels of 0.09 and 0.49, and the point in the middle between them.
+    let texels = Texels::RgbaF32(vec![[0.09, 0.0, 0.0, 1.0], [0.49, 0.0, 0.0, 1.0]]);
+    let map = Arc::new(TextureDesc::new("r.exr", 2, 1, texels));
+    let uvs = SQUARE.map(|_| Vec2::splat(0.5));
+    for (roughness_texels, expected) in [
+        (RoughnessTexels::Roughness, 0.29),
+        (RoughnessTexels::Alpha, 0.29f32.sqrt()),
+    ] {
+        let mut m = MaterialDesc {
+            roughness_texels,
+            ..MaterialDesc::new("m")
+        };
+        m.set_texture(TextureSlot::Roughness, Some(Arc::clone(&map)));
+        let scene = mesh(&SQUARE, &[], &uvs, m);
+        let found = at(&scene, 0, [0.2, 0.3])
+            .shading_parameters(&scene.textures)
+            .roughness;
+        assert!((found - expected).abs() < 1e-6, "{found}, not {expected}");
     }
 }
 

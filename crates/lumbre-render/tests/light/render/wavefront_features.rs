@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{Vec3, Vec4};
 use lumbre_light::film::layer::{LAYERS, Layer};
-use lumbre_light::scene::compile::{Material, Model, Texture};
+use lumbre_light::scene::compile::{Material, Model, RoughnessTexels, Texture};
 use lumbre_light::scene::desc::{CameraKind, SceneDesc};
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::camera::{FilterKind, FilterSpec};
@@ -105,9 +105,12 @@ fn texture(seed: u32) -> Texture {
 
 #[test]
 fn textures_and_maps_have_the_same_bits_in_lanes() {
-    let slots: [(&str, SetTexture); 8] = [
+    let slots: [(&str, SetTexture); 9] = [
         ("base colour", |m, t| m.base_color_texture = t),
         ("roughness", |m, t| m.roughness_texture = t),
+        ("alpha", |m, t| {
+            (m.roughness_texture, m.roughness_texels) = (t, RoughnessTexels::Alpha);
+        }),
         ("metallic", |m, t| m.metallic_texture = t),
         ("opacity", |m, t| m.opacity_texture = t),
         ("transmittance", |m, t| {

@@ -18,8 +18,8 @@ use super::text::{Text, vector};
 use crate::model_differences;
 use crate::names::UniqueNames;
 use lumbre_light::scene::desc::{
-    DEFAULT_MATERIAL, DelayKind, Distribution, Formulas, MaskMode, MaterialDesc, Model, SceneDesc,
-    ShadingNormals, TextureFilter, TextureSlot, Wrap,
+    DEFAULT_MATERIAL, DelayKind, Distribution, Formulas, MaskMode, MaterialDesc, Model,
+    RoughnessTexels, SceneDesc, ShadingNormals, TextureFilter, TextureSlot, Wrap,
 };
 use lumbre_light::scene::{Note, SceneError};
 
@@ -369,7 +369,11 @@ impl Surfaces<'_> {
                     "anisotropy is not supported together with a roughness texture",
                 );
             }
-            let conversion = TexelConversion::Square;
+            if m.roughness_texels == RoughnessTexels::Roughness {
+                self.note(m, model_differences::ROUGHNESS_TEXELS);
+            }
+            let conversion =
+                TexelConversion::of_roughness(m.roughness_texels, RoughnessTexels::Alpha);
             let texture = self.texture(m, TextureSlot::Roughness, conversion, "alpha_map")?;
             p.push(format!("\"texture roughness\" \"{texture}\""));
         } else if m.roughness >= m.smooth_below {

@@ -24,7 +24,7 @@ use lumbre_light::scene::desc::{
 use lumbre_light::scene::{Note, SceneError};
 
 /// Material extensions that are supported, entirely or in part.
-const SUPPORTED_EXTENSIONS: &[&str] = &[
+pub(super) const SUPPORTED_EXTENSIONS: &[&str] = &[
     "KHR_materials_emissive_strength",
     "KHR_materials_transmission",
     "KHR_materials_diffuse_transmission",
@@ -35,6 +35,13 @@ const SUPPORTED_EXTENSIONS: &[&str] = &[
     "KHR_materials_anisotropy",
     UNLIT,
     SPECULAR_GLOSSINESS,
+];
+
+/// Further extensions of materials, which are noted with the materials that have them.
+pub(super) const OTHER_EXTENSIONS: [&str; 3] = [
+    "KHR_materials_dispersion",
+    "KHR_materials_iridescence",
+    "KHR_materials_volume",
 ];
 
 /// A material, and the texture coordinate sets that it needs.
@@ -242,6 +249,7 @@ impl<'a> MaterialReader<'a> {
         if factor != 1.0
             || extension["specularColorFactor"].is_array()
             || extension["specularTexture"].is_object()
+            || extension["specularColorTexture"].is_object()
         {
             self.note(
                 place,

@@ -169,7 +169,20 @@ impl GltfLoader<'_> {
                 format!("the extension `{name}` is not supported, but the file requires it");
             return Err(document.error("extensionsRequired", problem));
         }
-        for name in unsupported("extensionsUsed") {
+        // Unknown extensions of materials are noted with a material that has them, if any.
+        let materials = (0..document.count("materials")).map(|i| document.at("materials", i));
+        let carried: Vec<&Json> = materials.map(|m| &m["extensions"]).collect();
+        let is_silent = |name: &&str| {
+            name.starts_with(MATERIAL_EXTENSION_PREFIX)
+                && !material::SUPPORTED_EXTENSIONS.contains(name)
+                && !material::OTHER_EXTENSIONS.contains(name)
+                && !carried.iter().any(|of_one| of_one[*name].is_object())
+        };
+        let mut unsupported_names = unsupported("extensionsUsed");
+        let used = document.json["extensionsUsed"].as_array();
+        let used = used.into_iter().flatten().filter_map(Json::as_str);
+        unsupported_names.extend(used.filter(is_silent).map(shown));
+        for name in unsupported_names {
             self.note(
                 "extensionsUsed",
                 format!("the extension `{name}` is not supported"),
@@ -348,6 +361,12 @@ impl GltfLoader<'_> {
                 place,
                 "the colour times the intensity of a light must be between 0 and 1e9",
             ));
+        }
+        if light["range"].is_number() {
+            self.note(
+                place,
+                "the `range` of a light has no effect: light never ends",
+            );
         }
         let direction = || {
             world

@@ -20,7 +20,7 @@ use crate::names::UniqueNames;
 use lumbre_light::scene::desc::material::SMOOTH_ROUGHNESS;
 use lumbre_light::scene::desc::material_params::MIN_IOR;
 use lumbre_light::scene::desc::{
-    Distribution, Formulas, MaterialDesc, Model, Texels, TextureDesc, TextureSlot,
+    Distribution, Formulas, MaterialDesc, Model, RoughnessTexels, Texels, TextureDesc, TextureSlot,
 };
 use lumbre_light::scene::{Note, SceneError};
 
@@ -59,6 +59,16 @@ pub(super) fn default_surface(name: &str, emits: bool) -> MaterialDesc {
         base_color: Vec3::splat(0.5),
         one_sided: true,
         emitter_reflects: !emits,
+        ..MaterialDesc::new(name)
+    }
+}
+
+/// Returns a surface that transmits everything unchanged: a pane with the index of the outside.
+pub(super) fn invisible(name: &str) -> MaterialDesc {
+    MaterialDesc {
+        model: Model::Dielectric,
+        thin: true,
+        ior: 1.0,
         ..MaterialDesc::new(name)
     }
 }
@@ -137,7 +147,14 @@ impl BsdfReader<'_> {
         match o.plugin.as_str() {
             "diffuse" => {
                 self.m.model = Model::Lambert;
-                self.base(o, "reflectance", 0.5)
+                // Version 0.6 knows both names.
+                let old = o.legacy && o.property("diffuse_reflectance").is_some();
+                let name = if old {
+                    "diffuse_reflectance"
+                } else {
+                    "reflectance"
+                };
+                self.base(o, name, 0.5)
             }
             "roughdiffuse" => {
                 // `alpha` is the deviation of the slopes of both axes together.
@@ -181,8 +198,7 @@ impl BsdfReader<'_> {
             "phong" => self.phong(o),
             "ward" => self.ward(o),
             "null" => {
-                // A pane with the index of the outside transmits everything unchanged.
-                (self.m.model, self.m.thin, self.m.ior) = (Model::Dielectric, true, 1.0);
+                self.m = invisible(&self.m.name);
                 Ok(())
             }
             other => {
@@ -293,14 +309,14 @@ impl BsdfReader<'_> {
         o.mark_read(&["sample_visible"]);
         if let Some(Property::Object(t)) = o.property("alpha") {
             if let Some(read) = self.number_texture(t)? {
-                // The texture contains alpha; roughness is its square root.
-                self.notes.push(t.note(
-                    "square roots of alpha are interpolated between texels, in Mitsuba alpha itself: a \
-                     difference of up to 3 %",
-                ));
-                let read = self
-                    .textures
-                    .mapped(t, read, "root", |x| x.clamp(0.0, 1.0).sqrt())?;
+                let read = match read.image.texels {
+                    Texels::Rgba8(_) => read,
+                    Texels::RgbaF32(_) => {
+                        let unit = |x: f32| x.clamp(0.0, 1.0);
+                        self.textures.mapped(t, read, "unit", unit)?
+                    }
+                };
+                self.m.roughness_texels = RoughnessTexels::Alpha;
                 self.set_texture(o, TextureSlot::Roughness, read);
             }
             return Ok(());

@@ -31,19 +31,21 @@ mod values;
 pub(super) use self::supported::SUPPORTED;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
+use std::sync::Arc;
 
 use glam::DAffine3;
 
-use self::shape::{MeshLoader, SurfaceNeeds, TransformedShape};
+use self::shape::{MeshLoader, NamedMaterials, SurfaceNeeds, TransformedShape};
 use self::texture::TextureReader;
 use self::tree::{Property, XmlObject};
 use super::materials::Materials;
-use super::{MissingTextures, SMALL_ENTITIES, Variables, default_scene};
+use super::{MissingTextures, SMALL_ENTITIES, Variables, default_scene, obj};
 use crate::names::UniqueNames;
 use lumbre_light::scene::desc::{
-    EntityDesc, EnvironmentDesc, LightDesc, MAX_EDGES, SceneDesc, Transform,
+    EntityDesc, EnvironmentDesc, LightDesc, MAX_EDGES, MaterialDesc, MeshDesc, SceneDesc,
+    ShapeDesc, Transform,
 };
 use lumbre_light::scene::{Note, SceneError};
 
@@ -88,6 +90,7 @@ pub(super) fn load_with_variables(
         meshes: MeshLoader::default(),
         surfaces: BTreeMap::new(),
         colored: BTreeSet::new(),
+        libraries: BTreeMap::new(),
         materials: Materials::default(),
         entities: Vec::new(),
         lights: Vec::new(),
@@ -99,6 +102,11 @@ pub(super) fn load_with_variables(
     loader.scene(&root)
 }
 
+/// Greatest number of integrators inside one another.
+const MAX_INTEGRATORS: usize = 8;
+/// Edges of the paths of the integrator `direct`: to a surface, and from there to a light.
+const DIRECT_EDGES: u32 = 2;
+
 /// State while a scene is loaded.
 struct MitsubaLoader {
     textures: TextureReader,
@@ -108,6 +116,8 @@ struct MitsubaLoader {
     surfaces: BTreeMap<(*const XmlObject, bool), String>,
     /// Names of the materials whose base colour is that of vertices.
     colored: BTreeSet<String>,
+    /// Materials of the material files of each OBJ file.
+    libraries: BTreeMap<PathBuf, NamedMaterials>,
     materials: Materials,
     entities: Vec<EntityDesc>,
     lights: Vec<LightDesc>,
@@ -153,7 +163,7 @@ impl MitsubaLoader {
         }
         let max_depth = match root.children("integrator").next() {
             None => default_scene::DEFAULT_MAX_DEPTH,
-            Some(o) => self.max_depth(o)?,
+            Some(o) => self.max_depth(o, 0)?,
         };
         let mut visited = BTreeSet::new();
         root.note_unused(&mut self.notes, &mut visited);
@@ -170,9 +180,19 @@ impl MitsubaLoader {
         Ok((desc, self.notes))
     }
 
-    /// Reads the greatest number of path edges from the integrator.
-    fn max_depth(&mut self, o: &XmlObject) -> Result<u32, SceneError> {
+    /// Reads the greatest number of path edges from the integrator, or from the one inside of it.
+    fn max_depth(&mut self, o: &XmlObject, level: usize) -> Result<u32, SceneError> {
         o.mark_read(&["rr_depth", "strict_normals"]);
+        if let Some(inside) = o
+            .children("integrator")
+            .next()
+            .filter(|_| level < MAX_INTEGRATORS)
+        {
+            return self.max_depth(inside, level + 1);
+        }
+        if o.plugin == "direct" {
+            return Ok(DIRECT_EDGES);
+        }
         let depth = o.number("max_depth", -1.0)?;
         if depth < 0.0 {
             let message = format!(
@@ -230,6 +250,7 @@ impl MitsubaLoader {
             _ => {}
         }
         let stem = o.id.clone();
+        let named = self.named_materials(o)?;
         let surface = o.children("bsdf").next().cloned();
         let mut material = match &surface {
             Some(s) => self.surface(s, stem.as_deref(), false)?,
@@ -241,6 +262,7 @@ impl MitsubaLoader {
         let needs = SurfaceNeeds {
             oriented: o.children("emitter").any(emits_texture) || materials.is_oriented(&material),
             colors: materials.any_part(&material, &|m| self.colored.contains(&m.name)),
+            named: &named,
         };
         let Some(TransformedShape {
             shape,
@@ -260,9 +282,34 @@ impl MitsubaLoader {
         let name = self.names.allocate(stem.as_deref().unwrap_or(&kind));
         let emitters: Vec<Rc<XmlObject>> = o.children("emitter").cloned().collect();
         if surface.is_none() {
-            material = self.names.allocate("grey");
-            let grey = bsdf::default_surface(&material, !emitters.is_empty());
-            self.materials.push(grey);
+            // In version 0.6 the boundary of a medium is no surface unless it has one.
+            let medium = |(_, p): &(String, Property)| matches!(p, Property::Object(o) if o.class == "medium");
+            let bounds = o.legacy && o.properties.iter().any(medium);
+            material = self
+                .names
+                .allocate(if bounds { "boundary" } else { "grey" });
+            let default = if bounds && emitters.is_empty() {
+                bsdf::invisible(&material)
+            } else {
+                bsdf::default_surface(&material, !emitters.is_empty())
+            };
+            self.materials.push(default);
+        }
+        if let ShapeDesc::Mesh(mesh) = &shape
+            && mesh.slots.iter().any(|slot| !slot.is_empty())
+        {
+            // Faces of other names have the surface of the whole shape.
+            let mut mesh = MeshDesc::clone(mesh);
+            let others = mesh.slots.iter_mut().filter(|slot| slot.is_empty());
+            others.for_each(|slot| slot.clone_from(&material));
+            self.entities.push(EntityDesc {
+                name,
+                transform: Transform::framed((*parent * transform).as_affine3a()),
+                material: None,
+                anisotropic_direction: None,
+                shape: ShapeDesc::Mesh(Arc::new(mesh)),
+            });
+            return Ok(());
         }
         if let Some(light) = emitters.first() {
             material = self.area_light(light, &material, &name)?;
@@ -275,6 +322,60 @@ impl MitsubaLoader {
             shape,
         });
         Ok(())
+    }
+
+    /// Returns the materials of the faces of an OBJ file by the names that the file gives them, as
+    /// version 0.6 finds them: the surfaces of the shape with these names or, without any surface, the
+    /// materials of its material files. Shapes that emit, and those of version 3, have none.
+    fn named_materials(&mut self, o: &Rc<XmlObject>) -> Result<NamedMaterials, SceneError> {
+        let mut named = NamedMaterials::new();
+        if !o.legacy || o.plugin != "obj" || o.children("emitter").next().is_some() {
+            return Ok(named);
+        }
+        o.mark_read(&["load_materials"]);
+        let surfaces = o
+            .properties
+            .iter()
+            .filter_map(|(name, property)| match property {
+                Property::Object(inside) if inside.class == "bsdf" => Some((name, inside)),
+                _ => None,
+            });
+        let surfaces: Vec<_> = surfaces.collect();
+        if surfaces.is_empty() {
+            return self.library(o);
+        }
+        for (name, surface) in surfaces.into_iter().filter(|(name, _)| !name.is_empty()) {
+            o.mark_read(&[name]);
+            named.insert(name.clone(), self.surface(surface, Some(name), false)?);
+        }
+        Ok(named)
+    }
+
+    /// Reads the material files of an OBJ file, unless `load_materials` is false.
+    fn library(&mut self, o: &XmlObject) -> Result<NamedMaterials, SceneError> {
+        let Some(file) = o
+            .text("filename")?
+            .filter(|_| o.flag("load_materials", true) != Ok(false))
+        else {
+            return Ok(NamedMaterials::new());
+        };
+        let path = o.find_file(file);
+        if let Some(known) = self.libraries.get(&path) {
+            return Ok(known.clone());
+        }
+        let missing = self.textures.missing;
+        let read = obj::materials(&path, missing, &mut self.notes);
+        let mut named = NamedMaterials::new();
+        for (name, m) in read.map_err(|e| o.error(e.to_string()))? {
+            let allocated = self.names.allocate(&m.name);
+            named.insert(values::snake_case(&name), allocated.clone());
+            self.materials.push(MaterialDesc {
+                name: allocated,
+                ..m
+            });
+        }
+        self.libraries.insert(path, named.clone());
+        Ok(named)
     }
 
     /// Returns the name of a copy of a material with the emission of an area light.

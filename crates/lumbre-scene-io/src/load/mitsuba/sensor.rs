@@ -174,7 +174,6 @@ fn film(film: &XmlObject) -> Result<Film, SceneError> {
         "gamma",
         "banner",
         "high_quality_edges",
-        "exposure",
     ]);
     film.children("rfilter")
         .for_each(|f| f.mark_read(&["radius", "stddev"]));

@@ -10,6 +10,7 @@ use glam::{DAffine3, DVec3, Vec2, Vec3};
 
 use super::serialized::{SerializedFile, SerializedMesh};
 use super::tree::XmlObject;
+use super::values;
 use crate::load::default_scene;
 use crate::load::obj::{Front, Smoothing};
 use crate::load::{canonical, obj, ply};
@@ -35,13 +36,18 @@ pub(super) struct TransformedShape {
     pub stem: String,
 }
 
+/// Materials by the names, in snake case, that a mesh file gives its faces.
+pub(super) type NamedMaterials = BTreeMap<String, String>;
+
 /// Needs of a surface that the shapes with it have to meet.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SurfaceNeeds {
+pub(super) struct SurfaceNeeds<'a> {
     /// Texture coordinates, or a direction of anisotropy.
     pub oriented: bool,
     /// Colours of vertices.
     pub colors: bool,
+    /// Materials of single faces. The slots of a mesh are their names, and empty for other faces.
+    pub named: &'a NamedMaterials,
 }
 
 /// Identifies a mesh from a file together with the options that change it.
@@ -59,6 +65,8 @@ struct MeshKey {
     mirrors: bool,
     /// Whether the surface needs the colours of its vertices.
     colored: bool,
+    /// Materials of single faces.
+    named: NamedMaterials,
 }
 
 /// Identifies a generated shape: its name, the bits of its parameters, and whether it is inside
@@ -89,7 +97,7 @@ impl MeshLoader {
         let none = [0.0; 7];
         match o.plugin.as_str() {
             "obj" | "ply" | "serialized" => {
-                let mesh = self.file(o, &transform, [flipped, needs.colors], notes)?;
+                let mesh = self.file(o, &transform, flipped, needs, notes)?;
                 let stem = mesh
                     .file
                     .file_stem()
@@ -121,7 +129,7 @@ impl MeshLoader {
             }
             "sphere" => self.sphere(o, transform, [flipped, needs.oriented], notes),
             other => {
-                let shown = super::values::truncated(other);
+                let shown = values::truncated(other);
                 notes.push(o.note(format!("the shape `{shown}` is not supported; ignored")));
                 Ok(None)
             }
@@ -203,7 +211,8 @@ impl MeshLoader {
         &mut self,
         o: &XmlObject,
         transform: &DAffine3,
-        [flipped, colored]: [bool; 2],
+        flipped: bool,
+        needs: SurfaceNeeds,
         notes: &mut Vec<Note>,
     ) -> Result<Arc<MeshDesc>, SceneError> {
         let Some(name) = o.text("filename")? else {
@@ -225,7 +234,8 @@ impl MeshLoader {
             flipped,
             up: o.flag("flip_tex_coords", is_obj)?,
             mirrors,
-            colored,
+            colored: needs.colors,
+            named: needs.named.clone(),
         };
         if let Some(mesh) = self.files.get(&key) {
             return Ok(mesh.clone());
@@ -247,13 +257,22 @@ impl MeshLoader {
         let mut mesh = read.map_err(|e| o.error(e.to_string()))?;
         // Mitsuba uses vertex colours only through `mesh_attribute` textures. The surface of the
         // shape replaces all materials of the file.
-        if !colored {
+        if !needs.colors {
             mesh.colors = Vec::new();
         } else if mesh.colors.is_empty() {
             notes.push(o.note("the mesh has no colours of vertices: they are white"));
         }
-        mesh.slots = vec![String::new()];
-        mesh.triangle_slot.fill(0);
+        let named = |slot: &String| needs.named.get(&values::snake_case(slot)).cloned();
+        if mesh.slots.iter().any(|slot| named(slot).is_some()) {
+            mesh.slots = mesh
+                .slots
+                .iter()
+                .map(|slot| named(slot).unwrap_or_default())
+                .collect();
+        } else {
+            mesh.slots = vec![String::new()];
+            mesh.triangle_slot.fill(0);
+        }
         // The file's normals determine the front. Without them it follows from the winding, which a
         // mirroring transform reverses.
         if mirrors && (key.flat || mesh.normals.is_empty()) {

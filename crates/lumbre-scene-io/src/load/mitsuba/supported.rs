@@ -12,14 +12,14 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`rgb`, `spectrum`, `blackbody`",
-        support: "linear sRGB, `#rrggbb`, `srgb`; a number, pairs `nm:value`, a `filename`, `uniform` and \
-                  `d65` as in Mitsuba's RGB variants; `temperature` and `scale`. In files of version 0.6 a number of an emitter \
-                  is D65",
-        limits: "other spectra are refused",
+        support: "linear sRGB, `#rrggbb`, `srgb`; a number, pairs `nm:value`, a `filename`, `uniform`, `d65`, \
+                  `regular` and `irregular` as in Mitsuba's RGB variants; `temperature` and `scale`; a \
+                  spectrum that is a texture. In files of version 0.6 a number of an emitter is D65",
+        limits: "other spectra are noted",
     },
     SupportedElement {
         name: "`integrator`",
-        support: "`max_depth`",
+        support: "`max_depth`, also of an integrator inside of another; two edges for `direct`",
         limits: "the script sets the integrator",
     },
     SupportedElement {
@@ -37,7 +37,9 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
     SupportedElement {
         name: "`obj`, `ply`, `serialized`",
         support: "meshes; `shape_index`, `face_normals`, `flip_normals`, `flip_tex_coords`. Texture coordinates \
-                  start at the top left, those of OBJ files at the bottom left",
+                  start at the top left, those of OBJ files at the bottom left. In version 0.6 faces of \
+                  an OBJ have the surfaces that are named after their `usemtl` or, without any surface, \
+                  those of its material files",
         limits: "",
     },
     SupportedElement {
@@ -101,8 +103,9 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`twosided`",
-        support: "opaque surfaces reflect on both sides; without it their back is black",
-        limits: "a second surface inside is noted",
+        support: "opaque surfaces reflect on both sides, or a second one inside on the back; without it \
+                  their back is black",
+        limits: "",
     },
     SupportedElement {
         name: "`mask`",

@@ -71,7 +71,8 @@ impl LoadedTexture {
 /// Reader of textures: the images read or generated so far.
 pub(super) struct TextureReader {
     images: ImageCache,
-    missing: MissingTextures,
+    /// Policy for images that cannot be read.
+    pub missing: MissingTextures,
 }
 
 impl TextureReader {

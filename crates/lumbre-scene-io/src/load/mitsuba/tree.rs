@@ -54,6 +54,8 @@ pub(super) struct XmlObject {
     pub file: Rc<Path>,
     /// Line in the file.
     pub line: u32,
+    /// Whether the file is of version 0.6 or older.
+    pub legacy: bool,
     /// Folders in which files are searched, in order.
     folders: Rc<[PathBuf]>,
     /// Properties by name, in the order of the file; objects without a name have an empty one.

@@ -35,10 +35,10 @@ pub(super) fn number(text: &str) -> Result<f64, String> {
 }
 
 /// Parses numbers between commas or white space.
-fn numbers(text: &str) -> Result<Vec<f64>, String> {
+pub(super) fn numbers(text: &str) -> Result<Vec<f64>, String> {
     text.split([',', ' ', '\t', '\n', '\r'])
         .filter(|w| !w.is_empty())
-        .take(64)
+        .take(4096)
         .map(number)
         .collect()
 }

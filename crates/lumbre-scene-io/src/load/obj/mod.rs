@@ -26,7 +26,7 @@ use glam::{Vec2, Vec3};
 use self::text::FaceGroup;
 pub(super) use self::text::Smoothing;
 use super::images::ImageCache;
-use super::{MissingTextures, canonical, read_file};
+use super::{MissingTextures, canonical, read_file, text_of_lines};
 use super::{default_scene, files};
 use crate::load::beside::{beside, written};
 use lumbre_light::scene::desc::{DEFAULT_MATERIAL, MaterialDesc, MeshDesc, SceneDesc, mesh_hash};
@@ -52,7 +52,7 @@ pub(super) enum Front {
 
 /// Returns whether the first bytes of a file look like an OBJ.
 pub(super) fn sniff(head: &[u8]) -> bool {
-    let text = String::from_utf8_lossy(head);
+    let text = text_of_lines(head);
     let first = text
         .lines()
         .map(str::trim)
@@ -71,6 +71,42 @@ pub(super) fn load(
     let mut notes = Vec::new();
     let conventions = (Front::CounterClockwise, Smoothing::Groups);
     let (mesh, libraries) = load_with_libraries(path, DEFAULT_MATERIAL, conventions, &mut notes)?;
+    let materials_by_name = read_libraries(path, &libraries, missing, &mut notes)?;
+    let mut find = |name: &String| {
+        let known = materials_by_name.get(name);
+        let known = known.or_else(|| materials_by_name.get(without_comment(name)));
+        if known.is_none() && !materials_by_name.is_empty() && name != DEFAULT_MATERIAL {
+            let shown: String = name.chars().take(48).collect();
+            let message = format!("no material file has `{shown}`: its faces are white");
+            notes.push(Note::new(path, "usemtl", message));
+        }
+        MaterialDesc {
+            name: name.clone(),
+            ..known.cloned().unwrap_or_else(|| MaterialDesc::new(name))
+        }
+    };
+    let materials: Vec<MaterialDesc> = mesh.slots.iter().map(&mut find).collect();
+    Ok((default_scene::scene(path, mesh, materials), notes))
+}
+
+/// Returns the materials by name of the material files that an OBJ file refers to.
+pub(super) fn materials(
+    path: &Path,
+    missing: MissingTextures,
+    notes: &mut Vec<Note>,
+) -> Result<BTreeMap<String, MaterialDesc>, SceneError> {
+    let bytes = read_file(path, MAX_OBJ_BYTES)?;
+    let libraries = text::libraries(&text_of_lines(&bytes));
+    read_libraries(path, &libraries, missing, notes)
+}
+
+/// Reads the material files that an OBJ file names in these arguments of `mtllib`.
+fn read_libraries(
+    path: &Path,
+    libraries: &[String],
+    missing: MissingTextures,
+    notes: &mut Vec<Note>,
+) -> Result<BTreeMap<String, MaterialDesc>, SceneError> {
     let mut images = ImageCache::default();
     // Of several materials with one name, the first is used.
     let mut materials_by_name: BTreeMap<String, MaterialDesc> = BTreeMap::new();
@@ -80,7 +116,7 @@ pub(super) fn load(
         if !read_libraries.insert(canonical(&file)) {
             continue;
         }
-        match mtl::load(&file, missing, &mut images, &mut notes) {
+        match mtl::load(&file, missing, &mut images, notes) {
             Ok(materials) => materials.into_iter().for_each(|m| {
                 let plain = without_comment(&m.name).to_owned();
                 materials_by_name.entry(plain).or_insert_with(|| m.clone());
@@ -97,16 +133,7 @@ pub(super) fn load(
             Err(other) => return Err(other),
         }
     }
-    let find = |name: &String| {
-        let known = materials_by_name.get(name);
-        let known = known.or_else(|| materials_by_name.get(without_comment(name)));
-        MaterialDesc {
-            name: name.clone(),
-            ..known.cloned().unwrap_or_else(|| MaterialDesc::new(name))
-        }
-    };
-    let materials: Vec<MaterialDesc> = mesh.slots.iter().map(find).collect();
-    Ok((default_scene::scene(path, mesh, materials), notes))
+    Ok(materials_by_name)
 }
 
 /// Returns a name without the comment that may follow it. Names may contain a `#`, as in `Map #1`.
@@ -157,9 +184,7 @@ fn load_with_libraries(
 ) -> Result<(MeshDesc, Vec<String>), SceneError> {
     let malformed = |place: String, problem: String| SceneError::malformed(path, place, problem);
     let bytes = read_file(path, MAX_OBJ_BYTES)?;
-    // Names and comments in other encodings are common and harmless; numbers are ASCII in all
-    // encodings.
-    let checked = text::check(&String::from_utf8_lossy(&bytes), smoothing)
+    let checked = text::check(&text_of_lines(&bytes), smoothing)
         .map_err(|error| malformed(format!("line {}", error.line), error.problem))?;
     drop(bytes);
     notes.extend(

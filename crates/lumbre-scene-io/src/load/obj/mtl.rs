@@ -30,7 +30,7 @@ use super::supported::NotedKeywords;
 use super::without_comment;
 use crate::load::beside;
 use crate::load::images::{self, ImageCache};
-use crate::load::{MissingTextures, files, read_file, with_lenient_hint};
+use crate::load::{MissingTextures, files, read_file, text_of_lines, with_lenient_hint};
 use lumbre_light::scene::desc::material_params::MIN_IOR;
 use lumbre_light::scene::desc::{
     Lookup, MaskMode, MaterialDesc, NoInverse, Texels, TextureDesc, TextureFilter, TextureSlot,
@@ -72,6 +72,8 @@ struct MapOptions<'t> {
     wrap: Wrap,
     /// Height of bumps, or strength of a normal map.
     multiplier: Option<f32>,
+    /// The only channel that is read.
+    channel: Option<usize>,
 }
 
 /// Loads a material file and the textures that it refers to.
@@ -92,9 +94,12 @@ pub(super) fn load(
         notes,
         images,
         noted_keywords: NotedKeywords::default(),
+        keyword: String::new(),
+        tr_is_coverage: false,
         materials: Vec::new(),
     };
-    for (i, line) in String::from_utf8_lossy(&bytes).lines().enumerate() {
+    let text = text_of_lines(&bytes);
+    for (i, line) in text.lines().enumerate() {
         file.statement(i + 1, line.trim())?;
     }
     file.finish()
@@ -107,6 +112,10 @@ struct MtlParser<'a> {
     notes: &'a mut Vec<Note>,
     images: &'a mut ImageCache,
     noted_keywords: NotedKeywords,
+    /// Keyword of the current statement.
+    keyword: String,
+    /// Whether a comment names MeshLab, which writes coverage as `Tr`.
+    tr_is_coverage: bool,
     materials: Vec<(MaterialDesc, Statements)>,
 }
 
@@ -129,9 +138,11 @@ impl MtlParser<'_> {
             .next()
             .filter(|k| !k.starts_with('#'))
         else {
+            self.tr_is_coverage |= text.to_ascii_lowercase().contains("meshlab");
             return Ok(());
         };
         let rest = text[keyword.len()..].trim();
+        self.keyword = keyword.to_owned();
         let keyword = keyword.to_ascii_lowercase();
         if keyword == "newmtl" {
             self.materials
@@ -146,6 +157,8 @@ impl MtlParser<'_> {
             "ke" => self.color(line, rest, [0.0, 1e9], |m, _, c| m.emission = c),
             "ks" => self.color(line, rest, [0.0, 1.0], |_, s, c| s.specular = Some(c)),
             "ns" => self.scalar(line, rest, [0.0, 1e9], |_, s, x| s.exponent = Some(x)),
+            // An index of 0 is one that was not set.
+            "ni" if rest.parse() == Ok(0.0f32) => Ok(()),
             "ni" => self.scalar(line, rest, [MIN_IOR as f32, 100.0], |m, _, x| m.ior = x),
             "d" => self.scalar(
                 line,
@@ -153,6 +166,9 @@ impl MtlParser<'_> {
                 [0.0, 1.0],
                 |_, s, x| s.dissolve = Some(x),
             ),
+            "tr" if self.tr_is_coverage => self.scalar(line, rest, [0.0, 1.0], |_, s, x| {
+                s.dissolve.get_or_insert(x);
+            }),
             "tr" => self.scalar(line, rest, [0.0, 1.0], |_, s, x| {
                 s.dissolve.get_or_insert(1.0 - x);
             }),
@@ -209,13 +225,13 @@ impl MtlParser<'_> {
             }
             *x = read.clamp(range[0], range[1]);
             if *x != read {
-                self.note(
-                    line,
-                    format!(
-                        "{read} is outside {} to {}; {x} is used",
-                        range[0], range[1]
-                    ),
+                let message = format!(
+                    "{read} of `{}` is outside {} to {}; {x} is used",
+                    truncated(&self.keyword),
+                    range[0],
+                    range[1]
                 );
+                self.note(line, message);
             }
         }
         Ok(out)
@@ -269,13 +285,31 @@ impl MtlParser<'_> {
             offset,
             wrap,
             multiplier,
+            channel,
         } = self.options(line, rest)?;
         if name.is_empty() {
-            return Err(self.error(line, "a map needs a file".to_owned()));
+            let message = format!("`{}` names no file; ignored", truncated(&self.keyword));
+            self.note(line, message);
+            return Ok(());
         }
-        let Some(texture) = self.map_texture(line, name)? else {
+        let Some(mut texture) = self.map_texture(line, name)? else {
             return Ok(());
         };
+        if let Some(c) = channel {
+            if matches!(
+                slot,
+                TextureSlot::BaseColor | TextureSlot::Emission | TextureSlot::Normal
+            ) {
+                let message = "the option `-imfchan` of a map of colours is not supported; ignored";
+                self.note(line, message.to_owned());
+            } else {
+                let single = |texel: [f32; 4]| [texel[c], texel[c], texel[c], 1.0];
+                let derived = self
+                    .images
+                    .derived(&texture, &format!("channel {c}"), single);
+                texture = derived.map_err(|problem| self.error(line, problem))?;
+            }
+        }
         let (slot, texture) = match slot {
             TextureSlot::Bump => self.bump(line, texture, multiplier)?,
             TextureSlot::Mask => (slot, self.coverage(line, &texture)?),
@@ -408,8 +442,8 @@ impl MtlParser<'_> {
 
     /// Parses the options before the file name of a map.
     fn options<'t>(&mut self, line: usize, rest: &'t str) -> Result<MapOptions<'t>, SceneError> {
-        let (mut scale, mut offset, mut wrap, mut multiplier) =
-            (Vec2::ONE, Vec2::ZERO, Wrap::Repeat, None);
+        let (mut scale, mut offset, mut wrap) = (Vec2::ONE, Vec2::ZERO, Wrap::Repeat);
+        let (mut multiplier, mut channel) = (None, None);
         let mut unread = rest;
         while let Some(option) = unread
             .split_whitespace()
@@ -422,7 +456,11 @@ impl MtlParser<'_> {
                 "-mm" => 2,
                 _ => 1,
             };
-            let on = unread.split_whitespace().next() == Some("on");
+            let word = unread.split_whitespace().next();
+            let on = word == Some("on");
+            if option == "-imfchan" {
+                channel = ["r", "g", "b", "m"].iter().position(|c| word == Some(*c));
+            }
             let mut numbers = Vec::new();
             for i in 0..values {
                 let Some(word) = unread.split_whitespace().next() else {
@@ -460,6 +498,7 @@ impl MtlParser<'_> {
             offset,
             wrap,
             multiplier,
+            channel,
         })
     }
 

@@ -8,7 +8,7 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
         name: "`v`, `vt`, `vn`",
         support: "positions, texture coordinates, normals; after a position, a colour in sRGB, \
                   which multiplies the base colour",
-        limits: "a fourth coordinate is the weight",
+        limits: "a fourth coordinate, the weight in free-form surfaces, is noted",
     },
     SupportedElement {
         name: "`f`",
@@ -19,7 +19,7 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
         name: "`usemtl`, `mtllib`",
         support: "materials by name, from the files that the mesh refers to; one `mtllib` may name \
                   several",
-        limits: "unreadable files are noted; unknown names are white",
+        limits: "unreadable files, and names that no file has, are noted and white",
     },
     SupportedElement {
         name: "`s`",

@@ -97,6 +97,17 @@ pub(super) fn check(text: &str, smoothing: Smoothing) -> Result<CheckedObj, ObjE
     Ok(checker.finish())
 }
 
+/// Returns the arguments of `mtllib` in an OBJ text, each once.
+pub(super) fn libraries(text: &str) -> Vec<String> {
+    let mut checker = Checker::default();
+    for (_, line) in logical_lines(text) {
+        if let Some(names) = line.strip_prefix("mtllib") {
+            checker.library(names);
+        }
+    }
+    checker.libraries
+}
+
 /// Returns logical lines, joined at trailing backslashes, with the number of their first line.
 fn logical_lines(text: &str) -> impl Iterator<Item = (usize, Cow<'_, str>)> {
     let body = |raw: &'_ str| -> (usize, bool) {
@@ -164,10 +175,11 @@ enum Problem {
     PartialFaces,
     Painted,
     ByteColors,
+    Weights,
 }
 
 /// Notes on the problems, in their order.
-const PROBLEMS: [&str; 9] = [
+const PROBLEMS: [&str; 10] = [
     "line and point elements, which have no surface, are ignored",
     "faces with fewer than three vertices are left out",
     "concave polygons whose edges intersect, or too many to triangulate otherwise, are \
@@ -178,6 +190,7 @@ const PROBLEMS: [&str; 9] = [
     "normals or texture coordinates of only some vertices of a face are ignored",
     "colours of vertices in comments `#MRGB` are not supported; ignored",
     "colours of vertices exceed 1; all are divided by 255",
+    "weights of vertices belong to free-form surfaces; ignored",
 ];
 
 impl Checker {
@@ -227,10 +240,7 @@ impl Checker {
                 Ok(())
             }
             "mtllib" => {
-                let name = line["mtllib".len()..].trim().to_owned();
-                if !name.is_empty() && self.library_names.insert(name.clone()) {
-                    self.libraries.push(name);
-                }
+                self.library(&line["mtllib".len()..]);
                 Ok(())
             }
             _ if IGNORED.contains(&keyword) => Ok(()),
@@ -243,6 +253,14 @@ impl Checker {
         }
     }
 
+    /// Adds the argument of an `mtllib` statement.
+    fn library(&mut self, names: &str) {
+        let names = names.trim().to_owned();
+        if !names.is_empty() && self.library_names.insert(names.clone()) {
+            self.libraries.push(names);
+        }
+    }
+
     /// Reads a `v` statement.
     fn position<'a>(&mut self, words: impl Iterator<Item = &'a str>) -> Result<(), String> {
         let words: Vec<&str> = words.take(6).collect();
@@ -252,15 +270,14 @@ impl Checker {
                 words.len()
             ));
         }
-        // A fourth number alone is the homogeneous weight; three more numbers are a colour.
-        let weight = if words.len() == 4 {
-            float(words[3])?
-        } else {
-            1.0
-        };
+        // A fourth number alone is the weight of a point of free-form surfaces, which polygons do not
+        // use; three more numbers are a colour.
+        if words.len() == 4 && float(words[3])? != 1.0 {
+            self.record(Problem::Weights);
+        }
         let mut p = [0.0; 3];
         for (x, word) in p.iter_mut().zip(&words) {
-            *x = float(word)? / weight;
+            *x = float(word)?;
         }
         if !p.iter().all(|x| x.abs() <= MAX_COORDINATE) {
             return Err(format!(

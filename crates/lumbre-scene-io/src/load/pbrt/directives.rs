@@ -337,6 +337,11 @@ impl DirectiveReader {
             }
             "Integrator" | "SurfaceIntegrator" => {
                 let (_, params) = self.params(name, "", place)?;
+                if name == "SurfaceIntegrator" {
+                    let message =
+                        "a directive of version 2, whose scenes are read as those of version 3";
+                    self.loader.notes.push(params.note(message));
+                }
                 self.loader.max_depth =
                     params.integer("maxdepth", super::DEFAULT_MAX_DEPTH, MAX_EDGES)?;
             }

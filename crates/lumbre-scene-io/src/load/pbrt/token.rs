@@ -181,9 +181,15 @@ impl Lexer {
             match bytes.get(self.at) {
                 None => return Ok(None),
                 Some(b'\n') => self.line = self.line.saturating_add(1),
+                Some(b'\r') if bytes.get(self.at + 1) != Some(&b'\n') => {
+                    self.line = self.line.saturating_add(1);
+                }
                 Some(b'#') => {
                     let rest = &bytes[self.at..];
-                    self.at += rest.iter().position(|b| *b == b'\n').unwrap_or(rest.len());
+                    self.at += rest
+                        .iter()
+                        .position(|b| [b'\n', b'\r'].contains(b))
+                        .unwrap_or(rest.len());
                     continue;
                 }
                 Some(b) if b.is_ascii_whitespace() => {}

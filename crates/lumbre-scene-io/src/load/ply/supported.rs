@@ -25,9 +25,14 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
         limits: "",
     },
     SupportedElement {
-        name: "`red`, `green`, `blue`",
+        name: "`red`, `green`, `blue`, `color_0`, `color_1`, `color_2`",
         support: "vertex colours, which multiply the base colour: integers in sRGB, floats linear",
-        limits: "",
+        limits: "floats above 1 are divided by 255, with a note",
+    },
+    SupportedElement {
+        name: "`TextureFile`",
+        support: "an image as base colour, in a comment by the convention of MeshLab",
+        limits: "further images, and one without texture coordinates of vertices, are noted",
     },
     SupportedElement {
         name: "`vertex_indices`, `vertex_index`",

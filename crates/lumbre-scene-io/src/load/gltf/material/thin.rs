@@ -50,7 +50,7 @@ impl MaterialReader<'_> {
         if d.roughness > 0.0 || d.texture(TextureSlot::Roughness).is_some() {
             self.note(
                 place,
-                "transmission without `KHR_materials_volume` is that of a smooth thin wall here, \
+                "transmission without the thickness of `KHR_materials_volume` is that of a smooth thin wall here, \
                  whatever its roughness",
             );
         }

@@ -12,7 +12,7 @@ use lumbre_light::scene::SceneError;
 use lumbre_light::scene::desc::{Formulas, MaskMode, TextureDesc, TextureSlot};
 
 impl BsdfReader<'_> {
-    /// Converts the first surface inside an adapter.
+    /// Converts the surface inside an adapter; a `twosided` may have one for each side.
     pub(super) fn nested(
         &mut self,
         o: &XmlObject,
@@ -20,6 +20,12 @@ impl BsdfReader<'_> {
         depth: usize,
     ) -> Result<(), SceneError> {
         let inside = o.surfaces();
+        if o.plugin == "twosided" && inside.len() == 2 {
+            self.add_surfaces(&inside, two_sided, depth)?;
+            self.m.by_side = true;
+            self.m.weights = vec![0.5; 2];
+            return Ok(());
+        }
         if inside.len() > 1 {
             self.notes.push(o.note(format!(
                 "only the first of the {} surfaces of `{}` is used",

@@ -1,5 +1,6 @@
 //! Reading of XML files as a tree of [`XmlObject`]s.
 
+use std::borrow::Cow;
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -29,6 +30,16 @@ const MAX_LISTED: usize = 32;
 const MAX_READ_RATIO: usize = 16;
 /// Number of bytes that may be read from files of any size.
 const MIN_READ_BUDGET: usize = 1 << 20;
+
+/// Plugins of spectra.
+const SPECTRA: [&str; 6] = [
+    "uniform",
+    "d65",
+    "blackbody",
+    "srgb",
+    "irregular",
+    "regular",
+];
 
 /// Elements that are objects with a plugin.
 const CLASSES: &[&str] = &[
@@ -160,6 +171,7 @@ impl XmlReader<'_> {
                 "the file is not UTF-8 text".to_owned(),
             )
         })?;
+        let text = &*with_plain_comments(text);
         if nesting(text) > MAX_DEPTH * 4 {
             return Err(malformed(
                 "whole file".to_owned(),
@@ -209,6 +221,7 @@ impl XmlReader<'_> {
             id: id.clone(),
             file: element.file.clone(),
             line: element.line(),
+            legacy: self.legacy,
             properties: Vec::new(),
         };
         for child in node.children().filter(Node::is_element) {
@@ -263,6 +276,12 @@ impl XmlReader<'_> {
                 let inner = self.object(child, depth + 1)?;
                 object.properties.push((name, DraftProperty::Object(inner)));
             }
+            // A spectrum that is no spectrum but an image, for example.
+            "spectrum" if self.is_texture(child)? => {
+                let inner = self.object(child, depth + 1)?;
+                self.drafts.objects[inner].class = "texture".to_owned();
+                object.properties.push((name, DraftProperty::Object(inner)));
+            }
             _ => {
                 let value = self.value(child, object.class == "emitter")?;
                 object.properties.push((name, DraftProperty::Value(value)));
@@ -300,16 +319,17 @@ impl XmlReader<'_> {
             "float" | "integer" => {
                 PropertyValue::Number(values::number(&value(self)?).map_err(fail)?)
             }
-            "boolean" => match value(self)?.trim() {
-                "true" => PropertyValue::Flag(true),
-                "false" => PropertyValue::Flag(false),
-                other => {
-                    return Err(fail(format!(
-                        "expected true or false, found `{}`",
-                        values::truncated(other)
-                    )));
+            "boolean" => {
+                let word = value(self)?;
+                match word.trim().to_ascii_lowercase().as_str() {
+                    "true" => PropertyValue::Flag(true),
+                    "false" => PropertyValue::Flag(false),
+                    other => {
+                        let shown = values::truncated(other);
+                        return Err(fail(format!("expected true or false, found `{shown}`")));
+                    }
                 }
-            },
+            }
             "string" => PropertyValue::Text(value(self)?),
             "rgb" => PropertyValue::Color(values::color(&value(self)?).map_err(fail)?),
             "srgb" => PropertyValue::Color(values::srgb_color(&value(self)?).map_err(fail)?),
@@ -341,7 +361,13 @@ impl XmlReader<'_> {
         })
     }
 
-    /// Reads a spectrum: its `value`, a file, or one of the plugins that are greys in RGB.
+    /// Returns whether an element named `spectrum` has the plugin of a texture.
+    fn is_texture(&self, element: &Element) -> Result<bool, SceneError> {
+        let plugin = self.attribute(element, "type")?;
+        Ok(plugin.is_some_and(|plugin| !SPECTRA.contains(&plugin.as_str())))
+    }
+
+    /// Reads a spectrum: its `value`, a file, or a plugin.
     fn spectrum(&self, element: &Element) -> Result<Spectrum, SceneError> {
         let fail = |problem: String| element.error(problem);
         if element.node.tag_name().name() == "blackbody" {
@@ -355,27 +381,63 @@ impl XmlReader<'_> {
                 fail(format!("{shown}: expected pairs of wavelength and value"))
             });
         }
-        let plugin = self.attribute(element, "type")?;
-        let key = match plugin.as_deref() {
-            None => return values::spectrum(&self.required(element, "value")?).map_err(fail),
-            Some("uniform") => "value",
-            Some("d65") => "scale",
-            Some(other) => {
-                let shown = values::truncated(other);
-                return Err(fail(format!(
-                    "the spectrum `{shown}` is not supported; expected `uniform`, `d65`, a `value` or \
-                     a `filename`"
-                )));
+        let Some(plugin) = self.attribute(element, "type")? else {
+            return values::spectrum(&self.required(element, "value")?).map_err(fail);
+        };
+        let number = |key: &str, default: Option<f64>| -> Result<f64, SceneError> {
+            match (self.parameter(element, key)?, default) {
+                (Some(text), _) => values::number(&text).map_err(fail),
+                (None, Some(default)) => Ok(default),
+                (None, None) => Err(fail(format!("the spectrum `{plugin}` needs `{key}`"))),
             }
         };
-        for child in element.node.children().filter(Node::is_element) {
-            let child = element.with_node(child);
-            if child.node.attribute("name") == Some(key) {
-                let number = values::number(&self.required(&child, "value")?).map_err(fail)?;
-                return Ok(Spectrum::Grey(number));
+        let list = |key: &str| -> Result<Vec<f64>, SceneError> {
+            let text = self.parameter(element, key)?.unwrap_or_default();
+            values::numbers(&text).map_err(fail)
+        };
+        let sampled = |wavelengths: Vec<f64>, values: Vec<f64>| {
+            if values.len() < 2 || wavelengths.len() != values.len() {
+                let problem = "a spectrum needs at least two values, and as many wavelengths";
+                return Err(fail(problem.to_owned()));
             }
+            let pairs = wavelengths.into_iter().zip(values).map(|(nm, x)| [nm, x]);
+            Ok(Spectrum::Sampled(Sampled::new(pairs.collect())))
+        };
+        match plugin.as_str() {
+            "d65" => Ok(Spectrum::Grey(number("scale", Some(1.0))?)),
+            "blackbody" => {
+                let kelvin = number("temperature", None)?;
+                Ok(Spectrum::BlackBody([
+                    checked_kelvin(element, kelvin)?,
+                    number("scale", Some(1.0))?,
+                ]))
+            }
+            "srgb" => {
+                let text = self.parameter(element, "color")?.unwrap_or_default();
+                values::color(&text).map(Spectrum::Color).map_err(fail)
+            }
+            "irregular" => sampled(list("wavelengths")?, list("values")?),
+            "regular" => {
+                let values = list("values")?;
+                let ends = [
+                    number("wavelength_min", None)?,
+                    number("wavelength_max", None)?,
+                ];
+                let step = (ends[1] - ends[0]) / values.len().saturating_sub(1).max(1) as f64;
+                let wavelengths = (0..values.len()).map(|i| ends[0] + i as f64 * step);
+                sampled(wavelengths.collect(), values)
+            }
+            _ => Ok(Spectrum::Grey(number("value", Some(1.0))?)),
         }
-        Ok(Spectrum::Grey(1.0))
+    }
+
+    /// Returns the `value` of the child of a spectrum with a name.
+    fn parameter(&self, element: &Element, key: &str) -> Result<Option<String>, SceneError> {
+        let mut children = element.node.children().filter(Node::is_element);
+        let child = children.find(|child| child.attribute("name") == Some(key));
+        child
+            .map(|child| self.required(&element.with_node(child), "value"))
+            .transpose()
     }
 
     /// Reads the `blackbody` of version 0.6: a `temperature` in kelvin, and a factor `scale`.
@@ -383,13 +445,7 @@ impl XmlReader<'_> {
         let fail = |problem: String| element.error(problem);
         let text = self.required(element, "temperature")?;
         let kelvin = values::number(text.trim().trim_end_matches(['K', 'k'])).map_err(fail)?;
-        if !KELVIN.contains(&kelvin) {
-            return Err(fail(format!(
-                "a temperature is {} to {:e} kelvin, found {kelvin}",
-                KELVIN.start(),
-                KELVIN.end()
-            )));
-        }
+        let kelvin = checked_kelvin(element, kelvin)?;
         let scale = match self.attribute(element, "scale")? {
             Some(scale) => values::number(&scale).map_err(fail)?,
             None => 1.0,
@@ -530,6 +586,38 @@ impl XmlReader<'_> {
         out.push_str(rest);
         Ok(Some(out))
     }
+}
+
+/// Checks the temperature of a black body.
+fn checked_kelvin(element: &Element, kelvin: f64) -> Result<f64, SceneError> {
+    if KELVIN.contains(&kelvin) {
+        return Ok(kelvin);
+    }
+    Err(element.error(format!(
+        "a temperature is {} to {:e} kelvin, found {kelvin}",
+        KELVIN.start(),
+        KELVIN.end()
+    )))
+}
+
+/// Replaces the hyphens inside of comments, two of which XML forbids and Mitsuba reads. Every byte
+/// keeps its place.
+fn with_plain_comments(text: &str) -> Cow<'_, str> {
+    let mut plain = String::new();
+    let mut rest = text;
+    while let Some((before, comment)) = rest.split_once("<!--") {
+        let (inside, after) = comment.split_once("-->").unwrap_or((comment, ""));
+        let ended = before.len() + 4 + inside.len();
+        plain += &rest[..before.len() + 4];
+        plain += &inside.replace('-', " ");
+        let end = rest.len() - after.len();
+        plain += &rest[ended..end];
+        rest = after;
+    }
+    if plain.is_empty() {
+        return Cow::Borrowed(text);
+    }
+    Cow::Owned(plain + rest)
 }
 
 /// Returns the offsets of the line ends in a text, in bytes.

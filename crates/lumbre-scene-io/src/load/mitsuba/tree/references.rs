@@ -19,6 +19,7 @@ pub(super) struct Draft {
     pub id: Option<String>,
     pub file: Rc<Path>,
     pub line: u32,
+    pub legacy: bool,
     pub properties: Vec<(String, DraftProperty)>,
 }
 
@@ -131,6 +132,7 @@ impl Resolver {
             id: draft.id.clone(),
             file: draft.file.clone(),
             line: draft.line,
+            legacy: draft.legacy,
             folders: self.folders.clone(),
             properties,
             used: RefCell::default(),

@@ -6,7 +6,7 @@ use super::super::texture::TextureValue;
 use super::MaterialReader;
 use crate::load::pbrt::version::Version;
 use lumbre_light::scene::SceneError;
-use lumbre_light::scene::desc::{Texels, TextureDesc, TextureSlot};
+use lumbre_light::scene::desc::{RoughnessTexels, Texels, TextureDesc, TextureSlot};
 
 /// Alpha below which pbrt's interfaces are perfectly smooth.
 const SMOOTH_ALPHA: f32 = 1e-3;
@@ -58,7 +58,8 @@ impl MaterialReader<'_> {
                 return Ok(());
             };
             let how = format!("roughness {remap} {version:?}");
-            let image = self.mapped(image, &how, move |x| to_alpha(x).sqrt())?;
+            let image = self.mapped(image, &how, to_alpha)?;
+            self.m.roughness_texels = RoughnessTexels::Alpha;
             image.apply_to(&mut self.m, TextureSlot::Roughness);
             return Ok(());
         }
