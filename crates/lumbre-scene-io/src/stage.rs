@@ -72,7 +72,8 @@ pub fn set_up(scene: &mut SceneDesc, stage: Stage) {
             let around = bounds(&scene.entities);
             if let Some([low, high]) = around {
                 if scene.camera == framing_camera(around) {
-                    scene.camera = studio_camera(&scene.entities, scene.resolution);
+                    scene.camera =
+                        studio_camera(&scene.entities, (low + high) / 2.0, scene.resolution);
                 }
                 add_ground_and_light(scene, [low, high]);
             }
@@ -85,8 +86,8 @@ fn constant_environment(radiance: f32) -> EnvironmentDesc {
 }
 
 /// Returns a camera that looks at some entities from the front, the right and above, at the least
-/// distance at which they fill no more than [`FILL`] of the picture.
-fn studio_camera(entities: &[EntityDesc], resolution: [u32; 2]) -> CameraDesc {
+/// distance at which they fill no more than [`FILL`] of the picture; `middle` is that of their box.
+fn studio_camera(entities: &[EntityDesc], middle: Vec3, resolution: [u32; 2]) -> CameraDesc {
     let back = VIEW.normalize_or(Vec3::Z);
     let right = Vec3::Y.cross(back).normalize_or(Vec3::X);
     let up = back.cross(right);
@@ -99,7 +100,9 @@ fn studio_camera(entities: &[EntityDesc], resolution: [u32; 2]) -> CameraDesc {
     // -x + s z <= -c + s d. The two maxima of the left sides give the centre and the distance.
     let [mut above, mut below] = [Vec2::NEG_INFINITY; 2];
     let [mut nearest, mut farthest] = [f32::NEG_INFINITY, f32::INFINITY];
+    // Relative to the middle, for models far from the origin.
     visit_points(entities, |p| {
+        let p = p - middle;
         let (across, z) = (Vec2::new(p.dot(right), p.dot(up)), p.dot(back));
         above = above.max(across + slopes * z);
         below = below.max(slopes * z - across);
@@ -107,9 +110,9 @@ fn studio_camera(entities: &[EntityDesc], resolution: [u32; 2]) -> CameraDesc {
     });
     let center = (above - below) / 2.0;
     let distance = ((above + below) / (2.0 * slopes)).max_element();
-    let precision = 1e-5 * center.abs().max_element().max(nearest.abs()).max(1e-1);
+    let precision = 1e-5 * middle.abs().max_element().max(1e-1);
     let depth = (nearest - farthest).max(precision);
-    let at = |z: f32| right * center.x + up * center.y + back * z;
+    let at = |z: f32| middle + right * center.x + up * center.y + back * z;
     CameraDesc::pinhole(
         at(distance.max(nearest + depth / 8.0)),
         at((nearest + farthest) / 2.0),

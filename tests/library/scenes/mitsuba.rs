@@ -314,6 +314,12 @@ fn a_spectrum_may_be_an_image_or_have_any_form_of_samples() {
     );
     let few = r#"<bsdf type="diffuse" id="s"><spectrum type="regular" name="reflectance"><string name="values" value="1"/></spectrum></bsdf>"#;
     assert!(refused(few).contains("wavelength_min"), "{}", refused(few));
+    let tinted = r#"<spectrum type="d65" name="reflectance"><rgb name="color" value="0.2, 0.4, 0.6"/><float name="scale" value="0.5"/></spectrum>"#;
+    assert_eq!(plain(tinted), Vec3::new(0.1, 0.2, 0.3));
+    let unknown = r#"<bsdf type="diffuse" id="s"><spectrum type="any" name="reflectance"/></bsdf>"#;
+    assert!(refused(unknown).contains("the spectrum `any` is not supported"));
+    let back = r#"<bsdf type="diffuse" id="s"><spectrum type="irregular" name="reflectance"><string name="wavelengths" value="500, 400"/><string name="values" value="1, 1"/></spectrum></bsdf>"#;
+    assert!(refused(back).contains("that grow"));
     let odd = r#"<bsdf type="diffuse" id="s"><spectrum type="irregular" name="reflectance"><string name="wavelengths" value="400, 500"/><string name="values" value="1"/></spectrum></bsdf>"#;
     assert!(
         refused(odd).contains("as many wavelengths"),

@@ -310,9 +310,14 @@ fn faces_of_an_obj_have_the_surfaces_that_are_named_after_them() {
     // A face without one has the surface of the whole shape; version 3 knows no others.
     let one = surface("", "0, 1, 0") + &surface("Left", "0, 0, 1");
     assert_eq!(colors_of_faces("0.6.0", &one).0, [Vec3::Z, Vec3::Y]);
-    assert_eq!(
-        colors_of_faces("0.6.0", &surface("any", "0, 1, 0")).0,
-        [Vec3::Y; 2]
+    // Others have those of the material files.
+    let left = colors_of_faces("0.6.0", &surface("Left", "0, 1, 0")).0;
+    assert_eq!(left, [Vec3::Y, Vec3::Z]);
+    let (any, notes) = colors_of_faces("0.6.0", &surface("any", "0, 1, 0"));
+    assert_eq!(any, [Vec3::X, Vec3::Z]);
+    assert!(
+        notes.contains("`twosided` is not supported here"),
+        "{notes}"
     );
     assert_eq!(colors_of_faces("3.0.0", &both).0, [Vec3::Y; 2]);
 }

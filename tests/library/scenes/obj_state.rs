@@ -222,4 +222,6 @@ fn a_channel_of_a_map_is_selected() {
     }
     let (_, notes) = material("newmtl m\nmap_Kd -imfchan g alpha.png\n");
     assert!(notes.contains("`-imfchan`"), "{notes}");
+    let (_, notes) = material("newmtl m\nmap_d -imfchan z alpha.png\n");
+    assert!(notes.contains("the channel `z`"), "{notes}");
 }

@@ -44,6 +44,11 @@ fn byte_colours_are_srgb_and_float_colours_are_linear() {
 fn float_colours_as_large_as_bytes_are_like_bytes() {
     let rows = ["255 0 0", "0 188 0", "10 10 255"];
     assert_eq!(colors("float", rows), colors("uchar", rows));
+    // One that is rounded up is not.
+    assert_eq!(
+        colors("float", ["1.000001 0 0", "0 0.5 0", "0 0 1"])[1],
+        Vec3::Y * 0.5
+    );
 }
 
 /// Returns a triangle with texture coordinates, and more lines in its header.

@@ -19,7 +19,7 @@ use lumbre_light::transport::integrator::iteration::recorded::{
 };
 use lumbre_light::transport::integrator::iteration::{Iteration, Resources, Shared, Workers};
 use lumbre_light::transport::integrator::{Context, Settings};
-use lumbre_light::transport::light::{LightSelection, Lights};
+use lumbre_light::transport::light::{LightSampling, Lights};
 use lumbre_light::transport::ray::{Hit, Ray, Trace};
 use lumbre_light::transport::sampler::Sampler;
 
@@ -47,7 +47,7 @@ impl PreparedJob {
                 job.resolution,
                 job.settings.filter,
             ),
-            lights: scene.lights(LightSelection::from_params(&job.settings.params)),
+            lights: scene.lights(LightSampling::new(job.integrator, &job.settings.params)),
             classes: Arc::clone(&scene.classes),
             settings: Settings::new(&job.settings.params),
             wavefront: Wavefront::new(&job, &scene.accel),

@@ -15,7 +15,7 @@ use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::desc::CameraDesc;
 use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::{Camera, FilterSpec};
-use lumbre_light::transport::light::{LightSelection, Lights};
+use lumbre_light::transport::light::{LightSampling, Lights};
 use lumbre_light::transport::ray::{Hit, Ray};
 
 /// Threads that render, and the clock that measures them.
@@ -43,7 +43,7 @@ pub struct PreparedScene {
     pub(super) threads: Arc<RenderThreads>,
     pub(super) classes: Arc<SurfaceClasses>,
     /// Lights for the selection that was used last.
-    lights: Mutex<Option<(LightSelection, Arc<Lights>)>>,
+    lights: Mutex<Option<(LightSampling, Arc<Lights>)>>,
 }
 
 impl PreparedScene {
@@ -96,13 +96,13 @@ impl PreparedScene {
     }
 
     /// Returns the lights, of which one is chosen by the given probabilities.
-    pub(super) fn lights(&self, selection: LightSelection) -> Arc<Lights> {
+    pub(super) fn lights(&self, sampling: LightSampling) -> Arc<Lights> {
         let mut known = self.lights.lock().unwrap_or_else(PoisonError::into_inner);
         match &*known {
-            Some((of, lights)) if *of == selection => Arc::clone(lights),
+            Some((of, lights)) if *of == sampling => Arc::clone(lights),
             _ => {
-                let lights = Arc::new(Lights::with_select(self.scene(), selection));
-                *known = Some((selection, Arc::clone(&lights)));
+                let lights = Arc::new(Lights::with_select(self.scene(), sampling));
+                *known = Some((sampling, Arc::clone(&lights)));
                 lights
             }
         }
@@ -128,7 +128,7 @@ mod tests {
     use lumbre_light::scene::desc::{
         EntityDesc, LightDesc, LightKind, MaterialDesc, SceneDesc, ShapeDesc,
     };
-    use lumbre_light::transport::light::LightId;
+    use lumbre_light::transport::light::{LightId, LightSelection};
 
     use super::*;
 
@@ -172,7 +172,7 @@ mod tests {
         ];
         for (selection, probability) in expected {
             for _ in 0..2 {
-                let found = scene.lights(selection).pdf_choice(LightId::Point(1));
+                let found = scene.lights(selection.into()).pdf_choice(LightId::Point(1));
                 assert!((found - probability).abs() < 1e-6, "{selection:?}: {found}");
             }
         }

@@ -20,7 +20,7 @@ pub(crate) const FINE_ROWS: u32 = 90;
 /// Returns a finer map for Mitsuba, whose first and last rows are at the poles.
 pub(crate) fn with_rows_at_poles(image: &TextureDesc) -> TextureDesc {
     let height = (2 * image.height).max(MIN_HEIGHT);
-    let width = 2 * height;
+    let width = image.width.max(2 * height);
     let [w, h] = [image.width, image.height].map(f64::from);
     let texel = |x: u32, y: u32| {
         let u = (f64::from(x) + 0.5) / f64::from(width);

@@ -133,7 +133,7 @@ pub(super) fn decode_mesh(
             "vertex" => {
                 if vertices(element, &mut source, &mut mesh).map_err(fail)? {
                     note(
-                        "colours of vertices exceed 1; all are divided by 255 and decoded from sRGB",
+                        "colours of vertices exceed 2; all are divided by 255 and decoded from sRGB",
                     );
                 }
             }
@@ -280,6 +280,9 @@ impl Element {
     }
 }
 
+/// Float above which colours are in the range of bytes; smaller ones above 1 are clamped.
+const MOST_FLOAT: f32 = 2.0;
+
 /// Reads all vertices. Returns whether colours are floats as large as bytes.
 fn vertices(
     element: &Element,
@@ -331,8 +334,8 @@ fn vertices(
             mesh.colors.push(Vec3::from_array(color));
         }
     }
-    let above_one = |c: &Vec3| c.max_element() > 1.0;
-    let like_bytes = color_max.is_none() && mesh.colors.iter().any(above_one);
+    let like_byte = |c: &Vec3| c.max_element() > MOST_FLOAT;
+    let like_bytes = color_max.is_none() && mesh.colors.iter().any(like_byte);
     let max = if like_bytes { Some(255.0) } else { color_max };
     for color in &mut mesh.colors {
         let linear = |c: f32| max.map_or(c, |max| srgb_to_linear(c / max)).clamp(0.0, 1.0);

@@ -20,7 +20,7 @@ use lumbre_light::film::layer::LayerLayout;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{self, Model, NONE, RoughnessTexels};
 use lumbre_light::scene::desc::TextureFilter;
-use lumbre_light::transport::light::{LightSelection, Lights};
+use lumbre_light::transport::light::{LightSampling, Lights};
 
 /// Material models that have shaders.
 pub const MODELS: &[Model] = &Model::ALL;
@@ -137,7 +137,8 @@ impl JobBuffers {
         room: &SubpathRoom,
     ) -> Result<JobBuffers, VulkanError> {
         let plain = vk::BufferUsageFlags::empty();
-        let lights = Lights::with_select(scene, LightSelection::from_params(&job.settings.params));
+        let sampling = LightSampling::new(job.integrator, &job.settings.params);
+        let lights = Lights::with_select(scene, sampling);
         let (rows, cells) = environment_tables(&lights);
         let delays = DelayRows::new(scene, job.settings.timing.as_ref());
         let params = job_params(scene, job, &lights, layers, room, delays.emission);

@@ -12,7 +12,7 @@ use super::{Context, IntegratorRow, settings};
 use crate::math::real::{Double, Mask, Real, Vector};
 use crate::math::simd::Lanes;
 use crate::transport::bsdf::{Bsdf, Outgoing, TransportMode};
-use crate::transport::light::{DirectSample, SELECT_FIELD};
+use crate::transport::light::{COMPENSATE, DirectSample, SELECT_FIELD};
 use crate::transport::mis;
 use crate::transport::path_time::OpticalLength;
 use crate::transport::surface::Surface;
@@ -22,7 +22,7 @@ use crate::value::schema::Table;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "nee",
     long_name: "path tracing with next event estimation",
-    revision: 4,
+    revision: 5,
     doc: "Paths start at the camera and are connected to a light at every vertex that is not \
           specular; light that they hit by themselves is weighted against it [Veach 1997, 9.2]. \
           With `mis = \"none\"` such light counts only if no connection could find it: seen \
@@ -33,6 +33,7 @@ pub const ROW: IntegratorRow = IntegratorRow {
         fields: &[
             mis::FIELD,
             SELECT_FIELD,
+            COMPENSATE,
             settings::LIGHTS,
             settings::DIRECTIONS,
         ],

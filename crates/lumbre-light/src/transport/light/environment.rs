@@ -7,6 +7,10 @@
 //! the cell. So every direction with radiance has a density, no density has the singularity of 1 /
 //! sin theta at a pole, and none exceeds that of 16 times its luminance. With the sampling
 //! `uniform` all cells have the probability of their solid angle.
+//!
+//! A compensated density is in proportion to what a cell exceeds the mean of all directions by
+//! [Karlik et al. 2019, sec. 5.2]: the rest is left to the sampling of BSDFs, against which it is
+//! weighted. It is zero in most directions, so it serves no paths that start at lights.
 
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
@@ -50,8 +54,9 @@ pub struct EnvironmentMap {
 }
 
 impl EnvironmentLight {
-    /// Prepares an environment; `None` if it is black.
-    pub fn new(environment: &Environment) -> Option<EnvironmentLight> {
+    /// Prepares an environment; `None` if it is black. If it is `compensated`, so is the density of the
+    /// directions of a map.
+    pub fn new(environment: &Environment, compensated: bool) -> Option<EnvironmentLight> {
         let radiance = environment.radiance;
         let Some(texture) = &environment.map else {
             let power = 4.0 * std::f64::consts::PI * luminance_of(radiance);
@@ -64,11 +69,13 @@ impl EnvironmentLight {
         let width = texture.width as usize;
         let row_cos = row_cosines(texture);
         let mut weights = cell_integrals(texture, radiance, &row_cos);
-        let power = weights.iter().sum();
+        let power: f64 = weights.iter().sum();
         if environment.sampling == EnvironmentSampling::Uniform && power > 0.0 {
             for (row, edges) in weights.chunks_exact_mut(width).zip(row_cos.windows(2)) {
                 row.fill(edges[0] - edges[1]);
             }
+        } else if compensated {
+            weights = compensated_weights(weights, &row_cos, width);
         }
         let grid = Grid::new(width, &weights)?;
         let map = EnvironmentMap {
@@ -231,6 +238,29 @@ impl EnvironmentMap {
     }
 }
 
+/// Returns what the integrals over the cells of a map exceed those of its mean by, or the integrals
+/// themselves of a map whose cells are all alike.
+fn compensated_weights(weights: Vec<f64>, row_cos: &[f64], width: usize) -> Vec<f64> {
+    let power: f64 = weights.iter().sum();
+    let band = |edges: &[f64]| (edges[0] - edges[1]) / (2.0 * width as f64);
+    let shares = row_cos
+        .windows(2)
+        .flat_map(|edges| std::iter::repeat_n(band(edges), width));
+    let above = weights
+        .iter()
+        .zip(shares)
+        .map(|(weight, share)| (weight - power * share).max(0.0));
+    let above: Vec<f64> = above.collect();
+    if above.iter().sum::<f64>() > LEAST_EXCESS * power {
+        above
+    } else {
+        weights
+    }
+}
+
+/// Share of a map's light above its mean from which on its density is compensated.
+const LEAST_EXCESS: f64 = 1e-3;
+
 /// Returns the cosine of the polar angle at the upper edge of every row of a map, and at the lower
 /// edge of the last one.
 fn row_cosines(texture: &Texture) -> Vec<f64> {
@@ -286,8 +316,8 @@ mod tests {
     use super::*;
 
     /// Returns the light of a map of one row, whose texels have these values.
-    fn of_columns(columns: [f32; 4]) -> EnvironmentLight {
-        EnvironmentLight::new(&Environment {
+    fn of_columns(columns: [f32; 4], compensated: bool) -> EnvironmentLight {
+        let environment = Environment {
             map: Some(Arc::new(Texture::new(
                 4,
                 1,
@@ -296,8 +326,8 @@ mod tests {
             radiance: Vec3::ONE,
             rotation_rad: 0.0,
             sampling: EnvironmentSampling::default(),
-        })
-        .unwrap()
+        };
+        EnvironmentLight::new(&environment, compensated).unwrap()
     }
 
     /// Returns the direction at a fraction of the width of a map, on the horizon.
@@ -308,7 +338,7 @@ mod tests {
 
     #[test]
     fn radiance_is_interpolated_across_the_seam() {
-        let environment = of_columns([1.0, 5.0, 2.0, 9.0]);
+        let environment = of_columns([1.0, 5.0, 2.0, 9.0], false);
         // Fractions of the width: the centre of texel k is at (k + 1/2) / 4.
         for (u, expected) in [
             (0.125, 1.0),
@@ -330,12 +360,53 @@ mod tests {
     #[test]
     fn directions_across_the_seam_are_sampled() {
         for lit in [0, 3] {
-            let environment = of_columns([0, 1, 2, 3].map(|x| f32::from(u8::from(x == lit))));
+            let environment =
+                of_columns([0, 1, 2, 3].map(|x| f32::from(u8::from(x == lit))), false);
             for u in [0.01, 0.99] {
                 let radiance = environment.radiance::<f32, 1>(horizon(u), true).x;
                 let density = environment.pdf_w::<f32, 1>(horizon(u), true);
                 assert!(radiance > 0.4 && density > 0.0, "{lit} {u}: {density}");
             }
         }
+    }
+
+    #[test]
+    fn a_compensated_density_is_that_of_the_light_above_the_mean() {
+        // The means of the cells are 3.125, 3.75, 4.625 and 7.5, an eighth of each neighbour included, and
+        // that of all is 4.75.
+        let environment = of_columns([2.0, 4.0, 4.0, 9.0], true);
+        let density = |u: f32| environment.pdf_w::<f32, 1>(horizon(u), true);
+        assert_eq!([0.1, 0.4, 0.6].map(density), [0.0; 3]);
+        // All light above the mean is in a quarter of the sphere.
+        assert!((density(0.9) - 1.0 / PI).abs() < 1e-5, "{}", density(0.9));
+        for i in 0..64 {
+            let u = [(i as f32 + 0.5) / 64.0, 0.37];
+            let (dir, pdf_w) = environment.sample::<f32, 1>(u, true);
+            assert_eq!(pdf_w, environment.pdf_w::<f32, 1>(dir, true));
+            assert!(pdf_w > 0.0);
+        }
+        let plain = of_columns([2.0, 4.0, 4.0, 9.0], false);
+        assert_eq!(environment.power(), plain.power());
+        // Rows of a quarter, a half and a quarter of the sphere, with means of 5.75, 3.875 and 1.375: 3.71875
+        // in all.
+        let rows = [6.0, 4.0, 1.0].map(|x| [x; 3]).to_vec();
+        let environment = Environment {
+            map: Some(Arc::new(Texture::new(1, 3, rows))),
+            radiance: Vec3::ONE,
+            rotation_rad: 0.0,
+            sampling: EnvironmentSampling::default(),
+        };
+        let environment = EnvironmentLight::new(&environment, true).unwrap();
+        let excess = [2.03125 * 0.25, 0.15625 * 0.5].map(|x: f32| x / 0.5859375);
+        for (dir, expected) in [
+            (Vec3::Y, excess[0] / PI),
+            (Vec3::X, excess[1] / (2.0 * PI)),
+            (Vec3::NEG_Y, 0.0),
+        ] {
+            let found = environment.pdf_w::<f32, 1>(dir, true);
+            assert!((found - expected).abs() < 1e-5, "{dir}: {found}");
+        }
+        let even = of_columns([3.0; 4], true);
+        assert!((even.pdf_w::<f32, 1>(horizon(0.1), true) - 0.25 / PI).abs() < 1e-6);
     }
 }

@@ -74,7 +74,7 @@ use crate::transport::vertex::EdgeEnd;
 
 pub use direct::DirectSample;
 pub use emission::{EmissionPdf, EmissionSample};
-pub use select::{FIELD as SELECT_FIELD, LightSelection};
+pub use select::{COMPENSATE, FIELD as SELECT_FIELD, LightSampling, LightSelection};
 pub use selected::SelectedLights;
 pub use table::{LightId, Place};
 pub use tree::LightTree;

@@ -11,6 +11,8 @@ use crate::math::distribution::AliasTable;
 use crate::math::luminance::luminance_of;
 use crate::scene::CompiledScene;
 use crate::scene::compile::{Emitter, Texture};
+use crate::transport::integrator::IntegratorRow;
+use crate::transport::mis::Heuristic;
 use crate::value::Value;
 use crate::value::schema::{Field, Ty};
 
@@ -69,6 +71,45 @@ impl LightSelection {
     }
 }
 
+/// The parameter `compensate` of integrators whose light sampling serves only to connect the
+/// vertices of camera paths.
+pub const COMPENSATE: Field = crate::field! {
+    compensate = "true": Ty::Bool,
+        "whether light sampling leaves the dark part of an environment map to the directions of the \
+         BSDF, against which it is weighted: the density of a direction is in proportion to what \
+         its light exceeds the mean by [Karlik et al. 2019]; never with mis = \"none\""
+};
+
+/// The choice of lights, and of directions to an environment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LightSampling {
+    /// The probability with which each light is chosen.
+    pub selection: LightSelection,
+    /// Whether the density of an environment map is compensated.
+    pub compensated: bool,
+}
+
+impl LightSampling {
+    /// Returns the sampling of an integrator with these parameters.
+    pub fn new(integrator: &IntegratorRow, params: &BTreeMap<String, Value>) -> LightSampling {
+        let has = |field: &Field| integrator.params.fields.iter().any(|f| f.key == field.key);
+        let off = params.get(COMPENSATE.key) == Some(&Value::Bool(false));
+        LightSampling {
+            selection: LightSelection::from_params(params),
+            compensated: has(&COMPENSATE) && !off && Heuristic::from_params(params).is_some(),
+        }
+    }
+}
+
+impl From<LightSelection> for LightSampling {
+    fn from(selection: LightSelection) -> LightSampling {
+        LightSampling {
+            selection,
+            compensated: false,
+        }
+    }
+}
+
 /// Least share of the infinitely distant lights together, and of all others together, where power
 /// decides and a scene has both. The power of distant lights grows with the square of the scene:
 /// beside a large floor they would leave nothing to a lamp that lights most of the picture.
@@ -81,12 +122,17 @@ impl Lights {
     }
 
     /// Collects the lights of a scene.
-    pub fn with_select(scene: &CompiledScene, select: LightSelection) -> Lights {
+    pub fn with_select(scene: &CompiledScene, sampling: impl Into<LightSampling>) -> Lights {
+        let LightSampling {
+            selection: select,
+            compensated,
+        } = sampling.into();
         let point_maps = scene
             .points
             .iter()
             .map(|light| point::direction_map(light, scene));
-        let environment_light = scene.environment.as_ref().and_then(EnvironmentLight::new);
+        let environment = scene.environment.as_ref();
+        let environment_light = environment.and_then(|e| EnvironmentLight::new(e, compensated));
         let first = first_indices(scene);
         let count = first[LISTS - 1] + u32::from(environment_light.is_some());
         let ids: Vec<LightId> = (0..count).map(|index| LightId::new(first, index)).collect();
@@ -177,6 +223,24 @@ mod tests {
     use crate::scene::compile;
     use crate::scene::desc::{MaterialDesc, Texels, TextureDesc, TextureSlot};
     use crate::scene::fixtures::{mesh, scene};
+    use crate::transport::integrator::integrator;
+
+    #[test]
+    fn densities_are_compensated_only_where_directions_of_the_bsdf_are_weighted_against_them() {
+        let of = |name: &str, params: &[(&str, Value)]| {
+            let params = params
+                .iter()
+                .map(|(key, value)| ((*key).to_owned(), value.clone()));
+            LightSampling::new(integrator(name).unwrap(), &params.collect()).compensated
+        };
+        assert!(of("nee", &[]) && of("guided", &[]));
+        assert!(of("nee", &[("mis", Value::from("balance"))]));
+        assert!(!of("nee", &[("mis", Value::from("none"))]));
+        assert!(!of("nee", &[("compensate", Value::Bool(false))]));
+        for name in ["bpt", "bdpt", "vcm", "lvc", "sppm"] {
+            assert!(!of(name, &[]), "{name}");
+        }
+    }
 
     #[test]
     fn neither_distant_lights_nor_others_fall_below_a_third() {

@@ -161,12 +161,14 @@ fn in_axes_of_scene(map: &TextureDesc, to_map: &DMat3) -> TextureDesc {
     } else {
         MAX_HEIGHT
     };
-    let samples = if finer {
+    // A wide map of few rows keeps its columns.
+    let width = map.width.clamp(2 * height, 2 * MAX_HEIGHT.max(height));
+    let samples = if finer && map.width <= width {
         1
     } else {
-        map.height.div_ceil(MAX_HEIGHT) + 1
+        map.height.div_ceil(height).max(map.width.div_ceil(width)) + 1
     };
-    resampled(map, [2 * height, height], samples, to_map, in_direction)
+    resampled(map, [width, height], samples, to_map, in_direction)
 }
 
 /// Returns the colour of a map in a direction of its space. Its first and its last row are at the
@@ -218,6 +220,30 @@ mod tests {
     use super::*;
     use crate::load::with_rows_at_poles;
     use lumbre_light::scene::desc::Texels;
+
+    #[test]
+    fn single_texels_of_wide_maps_of_few_rows_keep_their_light() {
+        for column in 1000..1004 {
+            let mut texels = vec![[0.0, 0.0, 0.0, 1.0]; 2048 * 16];
+            texels[2048 * 8 + column] = [1.0; 4];
+            let map = TextureDesc::new("map", 2048, 16, Texels::RgbaF32(texels));
+            for finer in [
+                in_axes_of_scene(&map, &DMat3::IDENTITY),
+                with_rows_at_poles(&map),
+            ] {
+                let Texels::RgbaF32(t) = &finer.texels else {
+                    panic!("floats expected")
+                };
+                let sum: f32 = t.iter().map(|t| t[0]).sum();
+                // Of one texel of a row of the sixteenth of the height, and 2048 in a row.
+                let expected = finer.height as f32 / 16.0;
+                assert!(
+                    (sum / expected - 1.0).abs() < 0.1,
+                    "{column}: {sum}, not {expected}"
+                );
+            }
+        }
+    }
 
     #[test]
     fn a_coarse_map_for_mitsuba_has_the_same_light() {

@@ -35,7 +35,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 
-use glam::DAffine3;
+use glam::{DAffine3, Vec3};
 
 use self::shape::{MeshLoader, NamedMaterials, SurfaceNeeds, TransformedShape};
 use self::texture::TextureReader;
@@ -43,9 +43,10 @@ use self::tree::{Property, XmlObject};
 use super::materials::Materials;
 use super::{MissingTextures, SMALL_ENTITIES, Variables, default_scene, obj};
 use crate::names::UniqueNames;
+use lumbre_light::scene::compile::srgb_to_linear;
 use lumbre_light::scene::desc::{
-    EntityDesc, EnvironmentDesc, LightDesc, MAX_EDGES, MaterialDesc, MeshDesc, SceneDesc,
-    ShapeDesc, Transform,
+    EntityDesc, EnvironmentDesc, LightDesc, MAX_EDGES, MaterialDesc, Model, SceneDesc, ShapeDesc,
+    Transform, mesh_hash,
 };
 use lumbre_light::scene::{Note, SceneError};
 
@@ -117,7 +118,7 @@ struct MitsubaLoader {
     /// Names of the materials whose base colour is that of vertices.
     colored: BTreeSet<String>,
     /// Materials of the material files of each OBJ file.
-    libraries: BTreeMap<PathBuf, NamedMaterials>,
+    libraries: BTreeMap<PathBuf, Rc<NamedMaterials>>,
     materials: Materials,
     entities: Vec<EntityDesc>,
     lights: Vec<LightDesc>,
@@ -183,11 +184,12 @@ impl MitsubaLoader {
     /// Reads the greatest number of path edges from the integrator, or from the one inside of it.
     fn max_depth(&mut self, o: &XmlObject, level: usize) -> Result<u32, SceneError> {
         o.mark_read(&["rr_depth", "strict_normals"]);
-        if let Some(inside) = o
-            .children("integrator")
-            .next()
-            .filter(|_| level < MAX_INTEGRATORS)
-        {
+        if let Some(inside) = o.children("integrator").next() {
+            if level == MAX_INTEGRATORS {
+                let problem =
+                    format!("integrators are nested more than {MAX_INTEGRATORS} levels deep");
+                return Err(o.error(problem));
+            }
             return self.max_depth(inside, level + 1);
         }
         if o.plugin == "direct" {
@@ -251,7 +253,16 @@ impl MitsubaLoader {
         }
         let stem = o.id.clone();
         let named = self.named_materials(o)?;
-        let surface = o.children("bsdf").next().cloned();
+        let of_all = |(name, property): &(String, Property)| match property {
+            Property::Object(o) if o.class == "bsdf" && name.is_empty() => Some(Rc::clone(o)),
+            _ => None,
+        };
+        let surface = if o.names_faces() {
+            o.mark_read(&[""]);
+            o.properties.iter().find_map(of_all)
+        } else {
+            o.children("bsdf").next().cloned()
+        };
         let mut material = match &surface {
             Some(s) => self.surface(s, stem.as_deref(), false)?,
             None => String::new(),
@@ -261,7 +272,10 @@ impl MitsubaLoader {
         let materials = &self.materials;
         let needs = SurfaceNeeds {
             oriented: o.children("emitter").any(emits_texture) || materials.is_oriented(&material),
-            colors: materials.any_part(&material, &|m| self.colored.contains(&m.name)),
+            colors: [&material]
+                .into_iter()
+                .chain(named.values())
+                .any(|name| materials.any_part(name, &|m| self.colored.contains(&m.name))),
             named: &named,
         };
         let Some(TransformedShape {
@@ -295,29 +309,29 @@ impl MitsubaLoader {
             };
             self.materials.push(default);
         }
-        if let ShapeDesc::Mesh(mesh) = &shape
-            && mesh.slots.iter().any(|slot| !slot.is_empty())
-        {
-            // Faces of other names have the surface of the whole shape.
-            let mut mesh = MeshDesc::clone(mesh);
-            let others = mesh.slots.iter_mut().filter(|slot| slot.is_empty());
-            others.for_each(|slot| slot.clone_from(&material));
-            self.entities.push(EntityDesc {
-                name,
-                transform: Transform::framed((*parent * transform).as_affine3a()),
-                material: None,
-                anisotropic_direction: None,
-                shape: ShapeDesc::Mesh(Arc::new(mesh)),
-            });
-            return Ok(());
-        }
         if let Some(light) = emitters.first() {
             material = self.area_light(light, &material, &name)?;
         }
+        // Without a material of the whole shape those of its slots hold.
+        let (shape, material) = match shape {
+            ShapeDesc::Mesh(mut mesh) if mesh.slots.iter().any(|slot| !slot.is_empty()) => {
+                if mesh.slots.iter().any(String::is_empty) {
+                    let mesh = Arc::make_mut(&mut mesh);
+                    let others = mesh.slots.iter_mut().filter(|slot| slot.is_empty());
+                    others.for_each(|slot| slot.clone_from(&material));
+                    mesh.content_hash = mesh_hash(mesh);
+                }
+                // Surfaces that no face names are noted as unused.
+                let used = named.iter().filter(|(_, m)| mesh.slots.contains(m));
+                used.for_each(|(name, _)| o.mark_read(&[name]));
+                (ShapeDesc::Mesh(mesh), None)
+            }
+            shape => (shape, Some(material)),
+        };
         self.entities.push(EntityDesc {
             name,
             transform: Transform::framed((*parent * transform).as_affine3a()),
-            material: Some(material),
+            material,
             anisotropic_direction: None,
             shape,
         });
@@ -325,12 +339,12 @@ impl MitsubaLoader {
     }
 
     /// Returns the materials of the faces of an OBJ file by the names that the file gives them, as
-    /// version 0.6 finds them: the surfaces of the shape with these names or, without any surface, the
-    /// materials of its material files. Shapes that emit, and those of version 3, have none.
-    fn named_materials(&mut self, o: &Rc<XmlObject>) -> Result<NamedMaterials, SceneError> {
-        let mut named = NamedMaterials::new();
-        if !o.legacy || o.plugin != "obj" || o.children("emitter").next().is_some() {
-            return Ok(named);
+    /// version 0.6 finds them: those of its material files, replaced by the surfaces of the shape with
+    /// these names; a surface without a name replaces all before it. Shapes that emit, and those of
+    /// version 3, have none.
+    fn named_materials(&mut self, o: &Rc<XmlObject>) -> Result<Rc<NamedMaterials>, SceneError> {
+        if !o.names_faces() {
+            return Ok(Rc::default());
         }
         o.mark_read(&["load_materials"]);
         let surfaces = o
@@ -344,37 +358,66 @@ impl MitsubaLoader {
         if surfaces.is_empty() {
             return self.library(o);
         }
-        for (name, surface) in surfaces.into_iter().filter(|(name, _)| !name.is_empty()) {
-            o.mark_read(&[name]);
-            named.insert(name.clone(), self.surface(surface, Some(name), false)?);
+        let mut named = NamedMaterials::new();
+        if surfaces.iter().all(|(name, _)| !name.is_empty()) {
+            named.clone_from(&*self.library(o)?);
         }
-        Ok(named)
+        let mut own = BTreeSet::new();
+        for (name, surface) in surfaces {
+            if name.is_empty() {
+                named.clear();
+                continue;
+            }
+            if !own.insert(name) {
+                let shown = values::truncated(name);
+                let message =
+                    format!("names of surfaces like `{shown}` differ only in their spelling");
+                self.notes.push(o.note(message));
+            }
+            let material = self.surface(surface, Some(name), false)?;
+            named.retain(|known, _| values::snake_case(known) != *name);
+            named.insert(name.clone(), material);
+        }
+        Ok(Rc::new(named))
     }
 
-    /// Reads the material files of an OBJ file, unless `load_materials` is false.
-    fn library(&mut self, o: &XmlObject) -> Result<NamedMaterials, SceneError> {
-        let Some(file) = o
-            .text("filename")?
-            .filter(|_| o.flag("load_materials", true) != Ok(false))
-        else {
-            return Ok(NamedMaterials::new());
+    /// Reads the material files of an OBJ file as version 0.6 does, unless `load_materials` is false:
+    /// surfaces are diffuse on their front, with colours in sRGB, or glass, and emit nothing.
+    fn library(&mut self, o: &XmlObject) -> Result<Rc<NamedMaterials>, SceneError> {
+        if !o.flag("load_materials", true)? {
+            return Ok(Rc::default());
+        }
+        let Some(file) = o.text("filename")? else {
+            return Ok(Rc::default());
         };
         let path = o.find_file(file);
         if let Some(known) = self.libraries.get(&path) {
-            return Ok(known.clone());
+            return Ok(Rc::clone(known));
         }
         let missing = self.textures.missing;
         let read = obj::materials(&path, missing, &mut self.notes);
+        let read = read.map_err(|e| o.error(e.to_string()))?;
+        if !read.is_empty() {
+            let message =
+                "of the material files of an OBJ, highlights and metals of `illum` are left out";
+            self.notes.push(o.note(message));
+        }
         let mut named = NamedMaterials::new();
-        for (name, m) in read.map_err(|e| o.error(e.to_string()))? {
+        for (name, m) in read {
             let allocated = self.names.allocate(&m.name);
-            named.insert(values::snake_case(&name), allocated.clone());
+            let glass = m.opacity == 0.0;
             self.materials.push(MaterialDesc {
-                name: allocated,
+                name: allocated.clone(),
+                model: if glass { m.model } else { Model::Lambert },
+                base_color: m.base_color.map(srgb_to_linear),
+                emission: Vec3::ZERO,
+                one_sided: !glass,
                 ..m
             });
+            named.insert(name, allocated);
         }
-        self.libraries.insert(path, named.clone());
+        let named = Rc::new(named);
+        self.libraries.insert(path, Rc::clone(&named));
         Ok(named)
     }
 

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::f32::consts::TAU;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::sync::Arc;
 
 use glam::{DAffine3, DVec3, Vec2, Vec3};
@@ -36,7 +37,7 @@ pub(super) struct TransformedShape {
     pub stem: String,
 }
 
-/// Materials by the names, in snake case, that a mesh file gives its faces.
+/// Materials by the names that a mesh file gives its faces, or by these in snake case.
 pub(super) type NamedMaterials = BTreeMap<String, String>;
 
 /// Needs of a surface that the shapes with it have to meet.
@@ -47,7 +48,7 @@ pub(super) struct SurfaceNeeds<'a> {
     /// Colours of vertices.
     pub colors: bool,
     /// Materials of single faces. The slots of a mesh are their names, and empty for other faces.
-    pub named: &'a NamedMaterials,
+    pub named: &'a Rc<NamedMaterials>,
 }
 
 /// Identifies a mesh from a file together with the options that change it.
@@ -66,7 +67,7 @@ struct MeshKey {
     /// Whether the surface needs the colours of its vertices.
     colored: bool,
     /// Materials of single faces.
-    named: NamedMaterials,
+    named: Rc<NamedMaterials>,
 }
 
 /// Identifies a generated shape: its name, the bits of its parameters, and whether it is inside
@@ -235,7 +236,7 @@ impl MeshLoader {
             up: o.flag("flip_tex_coords", is_obj)?,
             mirrors,
             colored: needs.colors,
-            named: needs.named.clone(),
+            named: Rc::clone(needs.named),
         };
         if let Some(mesh) = self.files.get(&key) {
             return Ok(mesh.clone());
@@ -262,7 +263,12 @@ impl MeshLoader {
         } else if mesh.colors.is_empty() {
             notes.push(o.note("the mesh has no colours of vertices: they are white"));
         }
-        let named = |slot: &String| needs.named.get(&values::snake_case(slot)).cloned();
+        let named = |slot: &String| {
+            let known = needs.named.get(slot);
+            known
+                .or_else(|| needs.named.get(&values::snake_case(slot)))
+                .cloned()
+        };
         if mesh.slots.iter().any(|slot| named(slot).is_some()) {
             mesh.slots = mesh
                 .slots

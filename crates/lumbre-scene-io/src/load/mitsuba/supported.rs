@@ -15,7 +15,7 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
         support: "linear sRGB, `#rrggbb`, `srgb`; a number, pairs `nm:value`, a `filename`, `uniform`, `d65`, \
                   `regular` and `irregular` as in Mitsuba's RGB variants; `temperature` and `scale`; a \
                   spectrum that is a texture. In files of version 0.6 a number of an emitter is D65",
-        limits: "other spectra are noted",
+        limits: "other spectra are refused",
     },
     SupportedElement {
         name: "`integrator`",

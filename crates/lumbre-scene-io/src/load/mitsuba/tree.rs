@@ -212,6 +212,13 @@ impl XmlObject {
             })
     }
 
+    /// Returns whether surfaces belong to faces of a shape by their names, as in version 0.6.
+    pub fn names_faces(&self) -> bool {
+        let emits = |p: &Property| matches!(p, Property::Object(o) if o.class == "emitter");
+        let emits = self.properties.iter().any(|(_, p)| emits(p));
+        self.legacy && self.plugin == "obj" && !emits
+    }
+
     /// Returns the surfaces inside this object, and marks them as read.
     pub fn surfaces(&self) -> Vec<Rc<XmlObject>> {
         self.children("bsdf").cloned().collect()

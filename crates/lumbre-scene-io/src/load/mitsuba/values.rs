@@ -34,13 +34,20 @@ pub(super) fn number(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Greatest number of values of one element.
+const MAX_NUMBERS: usize = 4096;
+
 /// Parses numbers between commas or white space.
 pub(super) fn numbers(text: &str) -> Result<Vec<f64>, String> {
-    text.split([',', ' ', '\t', '\n', '\r'])
+    let words = text.split([',', ' ', '\t', '\n', '\r']);
+    let words: Vec<&str> = words
         .filter(|w| !w.is_empty())
-        .take(4096)
-        .map(number)
-        .collect()
+        .take(MAX_NUMBERS + 1)
+        .collect();
+    if words.len() > MAX_NUMBERS {
+        return Err(format!("more than {MAX_NUMBERS} numbers"));
+    }
+    words.into_iter().map(number).collect()
 }
 
 /// Parses a vector: three numbers, or one for all components.

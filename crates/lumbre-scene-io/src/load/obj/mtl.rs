@@ -138,7 +138,8 @@ impl MtlParser<'_> {
             .next()
             .filter(|k| !k.starts_with('#'))
         else {
-            self.tr_is_coverage |= text.to_ascii_lowercase().contains("meshlab");
+            let head = self.materials.is_empty();
+            self.tr_is_coverage |= head && text.to_ascii_lowercase().contains("meshlab");
             return Ok(());
         };
         let rest = text[keyword.len()..].trim();
@@ -460,6 +461,13 @@ impl MtlParser<'_> {
             let on = word == Some("on");
             if option == "-imfchan" {
                 channel = ["r", "g", "b", "m"].iter().position(|c| word == Some(*c));
+                if channel.is_none() {
+                    let shown = truncated(word.unwrap_or_default());
+                    self.note(
+                        line,
+                        format!("the channel `{shown}` of a map is not supported; ignored"),
+                    );
+                }
             }
             let mut numbers = Vec::new();
             for i in 0..values {

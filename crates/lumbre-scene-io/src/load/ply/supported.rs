@@ -27,12 +27,13 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
     SupportedElement {
         name: "`red`, `green`, `blue`, `color_0`, `color_1`, `color_2`",
         support: "vertex colours, which multiply the base colour: integers in sRGB, floats linear",
-        limits: "floats above 1 are divided by 255, with a note",
+        limits: "floats above 2 are divided by 255, with a note",
     },
     SupportedElement {
         name: "`TextureFile`",
         support: "an image as base colour, in a comment by the convention of MeshLab",
-        limits: "further images, and one without texture coordinates of vertices, are noted",
+        limits: "further images, and one without texture coordinates of vertices, are noted; a missing \
+                 one is refused, or noted with `--lenient`",
     },
     SupportedElement {
         name: "`vertex_indices`, `vertex_index`",

@@ -32,7 +32,7 @@ pub use self::directions::Guided;
 use self::directions::{Guide, NAME};
 use super::iteration::Sharing;
 use super::{IntegratorRow, camera_path, settings as common};
-use crate::transport::light::SELECT_FIELD;
+use crate::transport::light::{COMPENSATE, SELECT_FIELD};
 use crate::transport::mis;
 use crate::value::schema::Table;
 
@@ -40,7 +40,7 @@ use crate::value::schema::Table;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: NAME,
     long_name: "guided path tracing with next event estimation",
-    revision: 3,
+    revision: 4,
     doc: "Paths are those of nee, but continue in directions where earlier samples found light, by a \
           tree over space and directions [Müller et al. 2017; Rath et al. 2020].",
     params: Table {
@@ -54,6 +54,7 @@ pub const ROW: IntegratorRow = IntegratorRow {
             settings::TREE_MEMORY,
             mis::FIELD,
             SELECT_FIELD,
+            COMPENSATE,
             common::LIGHTS,
         ],
     },

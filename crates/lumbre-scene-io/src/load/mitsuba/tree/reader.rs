@@ -31,15 +31,8 @@ const MAX_READ_RATIO: usize = 16;
 /// Number of bytes that may be read from files of any size.
 const MIN_READ_BUDGET: usize = 1 << 20;
 
-/// Plugins of spectra.
-const SPECTRA: [&str; 6] = [
-    "uniform",
-    "d65",
-    "blackbody",
-    "srgb",
-    "irregular",
-    "regular",
-];
+/// Plugins of textures that `spectrum` elements may have.
+const TEXTURES: [&str; 3] = ["bitmap", "checkerboard", "mesh_attribute"];
 
 /// Elements that are objects with a plugin.
 const CLASSES: &[&str] = &[
@@ -364,7 +357,7 @@ impl XmlReader<'_> {
     /// Returns whether an element named `spectrum` has the plugin of a texture.
     fn is_texture(&self, element: &Element) -> Result<bool, SceneError> {
         let plugin = self.attribute(element, "type")?;
-        Ok(plugin.is_some_and(|plugin| !SPECTRA.contains(&plugin.as_str())))
+        Ok(plugin.is_some_and(|plugin| TEXTURES.contains(&plugin.as_str())))
     }
 
     /// Reads a spectrum: its `value`, a file, or a plugin.
@@ -396,15 +389,27 @@ impl XmlReader<'_> {
             values::numbers(&text).map_err(fail)
         };
         let sampled = |wavelengths: Vec<f64>, values: Vec<f64>| {
-            if values.len() < 2 || wavelengths.len() != values.len() {
-                let problem = "a spectrum needs at least two values, and as many wavelengths";
+            let grow = wavelengths.windows(2).all(|pair| pair[0] < pair[1]);
+            let in_range = wavelengths.iter().all(|nm| (1.0..1e6).contains(nm));
+            if values.len() < 2 || wavelengths.len() != values.len() || !grow || !in_range {
+                let problem =
+                    "a spectrum needs at least two values, and as many wavelengths that grow";
                 return Err(fail(problem.to_owned()));
             }
             let pairs = wavelengths.into_iter().zip(values).map(|(nm, x)| [nm, x]);
             Ok(Spectrum::Sampled(Sampled::new(pairs.collect())))
         };
         match plugin.as_str() {
-            "d65" => Ok(Spectrum::Grey(number("scale", Some(1.0))?)),
+            "d65" => {
+                let scale = number("scale", Some(1.0))?;
+                match self.parameter(element, "color")? {
+                    None => Ok(Spectrum::Grey(scale)),
+                    Some(text) => {
+                        let color = values::color(&text).map_err(fail)?;
+                        Ok(Spectrum::Color(color * scale as f32))
+                    }
+                }
+            }
             "blackbody" => {
                 let kelvin = number("temperature", None)?;
                 Ok(Spectrum::BlackBody([
@@ -427,7 +432,14 @@ impl XmlReader<'_> {
                 let wavelengths = (0..values.len()).map(|i| ends[0] + i as f64 * step);
                 sampled(wavelengths.collect(), values)
             }
-            _ => Ok(Spectrum::Grey(number("value", Some(1.0))?)),
+            "uniform" => Ok(Spectrum::Grey(number("value", Some(1.0))?)),
+            other => {
+                let shown = values::truncated(other);
+                Err(fail(format!(
+                    "the spectrum `{shown}` is not supported; expected a `value`, a `filename`, \
+                     `uniform`, `d65`, `blackbody`, `srgb`, `regular`, `irregular` or a texture"
+                )))
+            }
         }
     }
 
