@@ -511,14 +511,14 @@ fn refusal(
             ));
         }
     }
-    if !backend.blends {
-        if let Some(m) = scene.materials.iter().find(|m| m.is_blend()) {
-            return Some(format!(
-                "it does not support a texture as the weights of a composed material, nor parts for \
-                 each side, as in `{}`: use `cpu`",
-                m.name
-            ));
-        }
+    if !backend.blends
+        && let Some(m) = scene.materials.iter().find(|m| m.is_blend())
+    {
+        return Some(format!(
+            "it does not support a texture as the weights of a composed material, nor parts for each \
+             side, as in `{}`: use `cpu`",
+            m.name
+        ));
     }
     if !backend.light_trees && LightSelection::from_params(&config.params) == LightSelection::Tree {
         return Some(
