@@ -12,15 +12,15 @@ use lumbre_scene_io::load::MissingTextures;
 /// that and why in CHANGELOG.md, and replace it here.
 const IDS: [(&str, &str); 10] = [
     ("plain", "77dc2be2"),
-    ("sobol", "964ac58d"),
+    ("sobol", "a9d4b739"),
     ("strategies", "89596c40"),
     ("merging", "342ed7c7"),
-    ("guiding", "edba90ea"),
-    ("layers", "48aff5fd"),
+    ("guiding", "e031497f"),
+    ("layers", "8ed7640b"),
     ("time", "bdbfebbb"),
-    ("filter", "32eb9415"),
-    ("scene", "49b91bd5"),
-    ("denoised", "bf1f896c"),
+    ("filter", "18fdebd1"),
+    ("scene", "8d0bed37"),
+    ("denoised", "bfece477"),
 ];
 
 /// Plans a script with a cell for each of some cases.

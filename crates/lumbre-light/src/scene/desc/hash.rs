@@ -16,6 +16,9 @@ use super::{
     MaterialDesc, MaterialNames, MeshDesc, SceneDesc, ShapeDesc, Texels, ViewWindow,
 };
 
+/// Version of the sampling of environment maps by their luminance, raised when pictures change.
+const LUMINANCE_REVISION: u64 = 2;
+
 /// Version tags of the encodings below. A tag changes with its encoding, so that hashes of
 /// different encodings never collide.
 const SCENE_TAG: &[u8] = b"lumbre scene 4";
@@ -117,6 +120,12 @@ fn hash_lights(h: &mut Hasher, desc: &SceneDesc) {
     float(h, environment.rotation_deg);
     float(h, environment.scale);
     // Omitted at its default, so that older hashes stay.
+    // So that runs in scenes without a map keep their ids.
+    let is_map = matches!(environment.source, EnvironmentSource::Map(_));
+    if is_map && environment.sampling == EnvironmentSampling::Luminance {
+        h.update(b"luminance");
+        int(h, LUMINANCE_REVISION);
+    }
     if environment.sampling != EnvironmentSampling::default() {
         h.update(b"sampling");
         int(h, environment.sampling as u64);

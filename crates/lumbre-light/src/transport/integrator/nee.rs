@@ -22,7 +22,7 @@ use crate::value::schema::Table;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: "nee",
     long_name: "path tracing with next event estimation",
-    revision: 5,
+    revision: 4,
     doc: "Paths start at the camera and are connected to a light at every vertex that is not \
           specular; light that they hit by themselves is weighted against it [Veach 1997, 9.2]. \
           With `mis = \"none\"` such light counts only if no connection could find it: seen \

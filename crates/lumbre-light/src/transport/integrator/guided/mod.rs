@@ -40,7 +40,7 @@ use crate::value::schema::Table;
 pub const ROW: IntegratorRow = IntegratorRow {
     name: NAME,
     long_name: "guided path tracing with next event estimation",
-    revision: 4,
+    revision: 3,
     doc: "Paths are those of nee, but continue in directions where earlier samples found light, by a \
           tree over space and directions [Müller et al. 2017; Rath et al. 2020].",
     params: Table {
