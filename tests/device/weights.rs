@@ -14,7 +14,7 @@ use lumbre_light::transport::integrator::bdpt::single;
 use lumbre_light::transport::integrator::bdpt::weights::StrategyCounts;
 use lumbre_light::transport::integrator::oracle::{self, Rule};
 use lumbre_light::transport::integrator::{Context, Settings};
-use lumbre_light::transport::light::{LightSelection, Lights};
+use lumbre_light::transport::light::{LightSampling, Lights};
 use lumbre_light::value::Value;
 use lumbre_render::Job;
 use lumbre_render::cpu::bvh::accel::Accel;
@@ -86,7 +86,10 @@ fn expected(scene: &Arc<CompiledScene>, job: &Job, samples: &[SampleAt]) -> Vec<
     let context = Context {
         scene,
         camera: &Camera::new(&scene.camera, job.resolution, job.settings.filter),
-        lights: &Lights::with_select(scene, LightSelection::from_params(&job.settings.params)),
+        lights: &Lights::with_select(
+            scene,
+            LightSampling::new(job.integrator, &job.settings.params),
+        ),
         classes: &SurfaceClasses::new(scene),
         trace: &accel,
         max_depth: job.max_depth,

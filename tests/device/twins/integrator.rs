@@ -13,7 +13,7 @@ use lumbre_light::transport::arrival::SurfaceClasses;
 use lumbre_light::transport::camera::{Camera, FilterKind, FilterSpec};
 use lumbre_light::transport::delay::Profile;
 use lumbre_light::transport::integrator::{Context, Settings, integrator};
-use lumbre_light::transport::light::{LightSelection, Lights};
+use lumbre_light::transport::light::{LightSampling, Lights};
 use lumbre_light::transport::ray::{Hit, Ray, Trace};
 use lumbre_light::transport::sampler::SOBOL;
 use lumbre_light::transport::surface::is_masked_out;
@@ -99,7 +99,10 @@ fn original(scene: &CompiledScene, job: &Job, row: &mut Row) {
     let context = Context {
         scene,
         camera: &Camera::new(&scene.camera, job.resolution, job.settings.filter),
-        lights: &Lights::with_select(scene, LightSelection::from_params(&job.settings.params)),
+        lights: &Lights::with_select(
+            scene,
+            LightSampling::new(job.integrator, &job.settings.params),
+        ),
         classes: &SurfaceClasses::new(scene),
         trace: &brute,
         max_depth: job.max_depth,
