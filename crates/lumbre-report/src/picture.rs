@@ -227,7 +227,7 @@ fn decode_exr(bytes: &[u8]) -> Result<Picture, String> {
     let map = primaries::of_exr(file.attributes.chromaticities);
     if let Some(map) = map.filter(|_| channels != [channels[0]; 3]) {
         primaries::convert(&mut data, map);
-        notes.push("its colours are converted from other primaries to those of sRGB".to_owned());
+        notes.push(primaries::CONVERTED.to_owned());
     }
     Ok(Picture {
         image: Image::from_pixels(width, height, data),

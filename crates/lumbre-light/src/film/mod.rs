@@ -239,15 +239,19 @@ impl Film {
 /// Returns the root mean square standard error of all pixels over the mean of the picture, given the
 /// variance of its pixels; `None` if the picture is black.
 pub fn relative_noise(image: &Image, variance: &Image) -> Option<f64> {
-    let mean = |image: &Image| image.mean().iter().sum::<f64>() / 3.0;
-    let level = mean(image);
-    (level > 0.0).then(|| mean(variance).sqrt() / level)
+    let level = level(image);
+    (level > 0.0).then(|| self::level(variance).sqrt() / level)
+}
+
+/// Returns the mean of all pixels and channels.
+fn level(image: &Image) -> f64 {
+    image.mean().iter().sum::<f64>() / 3.0
 }
 
 /// Returns the same as [`relative_noise`] without the [`FIREFLIES`] pixels of largest variance: the
 /// noise that one sees, since a few bright pixels can hold most of the other.
 pub fn visible_noise(image: &Image, variance: &Image) -> Option<f64> {
-    let level = image.mean().iter().sum::<f64>() / 3.0;
+    let level = level(image);
     let mut variances: Vec<f32> = variance.data.iter().map(|v| v.iter().sum()).collect();
     let kept = variances.len() - (variances.len() as f64 * FIREFLIES) as usize;
     if kept < variances.len() {

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageReader, Limits};
 
-use super::{canonical, openexr, read_file, unreadable};
+use super::{canonical, openexr, primaries, read_file, unreadable};
 use lumbre_light::math::luminance::luminance_f32;
 use lumbre_light::scene::compile::Curve;
 use lumbre_light::scene::desc::{Texels, TextureDesc};
@@ -349,11 +349,7 @@ fn decode_exr(path: &Path, bytes: &[u8], notes: &mut Vec<Note>) -> Result<Textur
         converted,
     } = openexr::decode_texture(bytes, max_pixels)?;
     if converted {
-        notes.push(Note::new(
-            path,
-            "image",
-            "its colours are converted from other primaries to those of sRGB",
-        ));
+        notes.push(Note::new(path, "image", primaries::CONVERTED));
     }
     if let Some(group) = one_of {
         let shown: String = group.chars().take(48).collect();

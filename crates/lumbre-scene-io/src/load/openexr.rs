@@ -120,7 +120,7 @@ pub struct ExrTexture {
 /// `max_pixels`.
 pub fn decode_texture(bytes: &[u8], max_pixels: usize) -> Result<ExrTexture, String> {
     let map = check_header(bytes, max_pixels)?;
-    let problem = match decode(bytes, max_pixels) {
+    let problem = match decode_rgb(bytes, map) {
         Ok((image, _)) => {
             return Ok(ExrTexture {
                 image,
@@ -246,7 +246,14 @@ pub fn decode(
     bytes: &[u8],
     max_pixels: usize,
 ) -> Result<(Image, BTreeMap<String, String>), String> {
-    let map = check_header(bytes, max_pixels)?;
+    decode_rgb(bytes, check_header(bytes, max_pixels)?)
+}
+
+/// Decodes a file whose header was checked like [`decode`]; `map` is that to linear sRGB.
+fn decode_rgb(
+    bytes: &[u8],
+    map: Option<DMat3>,
+) -> Result<(Image, BTreeMap<String, String>), String> {
     let file = read()
         .no_deep_data()
         .largest_resolution_level()

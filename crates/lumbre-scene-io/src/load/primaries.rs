@@ -80,6 +80,9 @@ pub fn of_exr(header: Option<Chromaticities>) -> Option<DMat3> {
     primaries.to_srgb().filter(|_| !primaries.is_near_srgb())
 }
 
+/// Note about a file whose colours were converted.
+pub const CONVERTED: &str = "its colours are converted from other primaries to those of sRGB";
+
 /// Maps all pixels of an image.
 pub fn convert(pixels: &mut [[f32; 3]], map: DMat3) {
     for pixel in pixels {

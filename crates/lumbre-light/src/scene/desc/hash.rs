@@ -119,13 +119,13 @@ fn hash_lights(h: &mut Hasher, desc: &SceneDesc) {
     }
     float(h, environment.rotation_deg);
     float(h, environment.scale);
-    // Omitted at its default, so that older hashes stay.
-    // So that runs in scenes without a map keep their ids.
+    // Omitted without a map, so that older hashes of such scenes stay.
     let is_map = matches!(environment.source, EnvironmentSource::Map(_));
     if is_map && environment.sampling == EnvironmentSampling::Luminance {
         h.update(b"luminance");
         int(h, LUMINANCE_REVISION);
     }
+    // Omitted at its default, like all that is younger.
     if environment.sampling != EnvironmentSampling::default() {
         h.update(b"sampling");
         int(h, environment.sampling as u64);

@@ -75,7 +75,7 @@ impl EnvironmentLight {
                 row.fill(edges[0] - edges[1]);
             }
         } else if compensated {
-            weights = compensated_weights(weights, &row_cos, width);
+            weights = compensated_weights(weights, power, &row_cos);
         }
         let grid = Grid::new(width, &weights)?;
         let map = EnvironmentMap {
@@ -239,23 +239,26 @@ impl EnvironmentMap {
 }
 
 /// Returns what the integrals over the cells of a map exceed those of its mean by, or the integrals
-/// themselves of a map whose cells are all alike.
-fn compensated_weights(weights: Vec<f64>, row_cos: &[f64], width: usize) -> Vec<f64> {
-    let power: f64 = weights.iter().sum();
-    let band = |edges: &[f64]| (edges[0] - edges[1]) / (2.0 * width as f64);
-    let shares = row_cos
-        .windows(2)
-        .flat_map(|edges| std::iter::repeat_n(band(edges), width));
-    let above = weights
-        .iter()
-        .zip(shares)
-        .map(|(weight, share)| (weight - power * share).max(0.0));
-    let above: Vec<f64> = above.collect();
+/// themselves of a map whose cells are all alike. `power` is their sum.
+fn compensated_weights(weights: Vec<f64>, power: f64, row_cos: &[f64]) -> Vec<f64> {
+    let width = weights.len() / (row_cos.len() - 1);
+    let mean = power / (4.0 * std::f64::consts::PI);
+    let mut above = weights.clone();
+    for (row, edges) in above.chunks_exact_mut(width).zip(row_cos.windows(2)) {
+        let of_mean = mean * solid_angle(edges, width);
+        row.iter_mut()
+            .for_each(|cell| *cell = (*cell - of_mean).max(0.0));
+    }
     if above.iter().sum::<f64>() > LEAST_EXCESS * power {
         above
     } else {
         weights
     }
+}
+
+/// Returns the solid angle of a cell of a row with these cosines at its edges.
+fn solid_angle(edges: &[f64], width: usize) -> f64 {
+    std::f64::consts::TAU * (edges[0] - edges[1]) / width as f64
 }
 
 /// Share of a map's light above its mean from which on its density is compensated.
@@ -276,7 +279,7 @@ fn cell_integrals(texture: &Texture, factor: Vec3, row_cos: &[f64]) -> Vec<f64> 
     let width = texture.width as usize;
     let mut cells = cell_means(texture, factor);
     for (row, edges) in cells.chunks_exact_mut(width).zip(row_cos.windows(2)) {
-        let solid_angle = std::f64::consts::TAU * (edges[0] - edges[1]) / width as f64;
+        let solid_angle = solid_angle(edges, width);
         row.iter_mut().for_each(|cell| *cell *= solid_angle);
     }
     cells

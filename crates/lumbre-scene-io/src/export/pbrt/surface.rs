@@ -500,10 +500,8 @@ impl Surfaces<'_> {
         let part = |part: &String| self.desc.material_index(part).map(|i| names[i].clone());
         let parts: Vec<String> = m.parts.iter().filter_map(part).collect();
         if let [a, b] = parts.as_slice() {
-            if m.by_side {
-                self.note(m, "pbrt has no part for each side; the front is on both");
-            }
             let amount = if m.by_side {
+                self.note(m, "pbrt has no part for each side; the front is on both");
                 "\"float amount\" 0".to_owned()
             } else if m.texture(TextureSlot::Weights).is_some() {
                 let texture = self.texture(

@@ -153,18 +153,14 @@ impl GltfLoader<'_> {
     /// Materials are exempt: their unsupported extensions are only noted.
     fn check_extensions(&mut self) -> Result<(), SceneError> {
         let document = self.document;
-        let unsupported = |key: &str| -> BTreeSet<String> {
-            let names = document.json[key]
-                .as_array()
-                .into_iter()
-                .flatten()
-                .filter_map(Json::as_str);
-            let names = names.filter(|name| {
-                !EXTENSIONS.contains(name) && !name.starts_with(MATERIAL_EXTENSION_PREFIX)
-            });
-            names.map(shown).collect()
+        let unsupported = |key: &str| {
+            let names = document.json[key].as_array().into_iter().flatten();
+            let names = names.filter_map(Json::as_str);
+            names.filter(|name| !EXTENSIONS.contains(name))
         };
-        if let Some(name) = unsupported("extensionsRequired").first() {
+        let is_of_materials = |name: &&str| name.starts_with(MATERIAL_EXTENSION_PREFIX);
+        let required = unsupported("extensionsRequired").filter(|name| !is_of_materials(name));
+        if let Some(name) = required.map(shown).min() {
             let problem =
                 format!("the extension `{name}` is not supported, but the file requires it");
             return Err(document.error("extensionsRequired", problem));
@@ -172,17 +168,15 @@ impl GltfLoader<'_> {
         // Unknown extensions of materials are noted with a material that has them, if any.
         let materials = (0..document.count("materials")).map(|i| document.at("materials", i));
         let carried: Vec<&Json> = materials.map(|m| &m["extensions"]).collect();
-        let is_silent = |name: &&str| {
-            name.starts_with(MATERIAL_EXTENSION_PREFIX)
-                && !material::SUPPORTED_EXTENSIONS.contains(name)
-                && !material::OTHER_EXTENSIONS.contains(name)
-                && !carried.iter().any(|of_one| of_one[*name].is_object())
+        let is_noted = |name: &&str| {
+            material::SUPPORTED_EXTENSIONS.contains(name)
+                || material::OTHER_EXTENSIONS.contains(name)
+                || carried.iter().any(|of_one| of_one[*name].is_object())
         };
-        let mut unsupported_names = unsupported("extensionsUsed");
-        let used = document.json["extensionsUsed"].as_array();
-        let used = used.into_iter().flatten().filter_map(Json::as_str);
-        unsupported_names.extend(used.filter(is_silent).map(shown));
-        for name in unsupported_names {
+        let used = unsupported("extensionsUsed");
+        let used = used.filter(|name| !(is_of_materials(name) && is_noted(name)));
+        let used: BTreeSet<String> = used.map(shown).collect();
+        for name in used {
             self.note(
                 "extensionsUsed",
                 format!("the extension `{name}` is not supported"),

@@ -253,16 +253,17 @@ impl MitsubaLoader {
         }
         let stem = o.id.clone();
         let named = self.named_materials(o)?;
-        let of_all = |(name, property): &(String, Property)| match property {
-            Property::Object(o) if o.class == "bsdf" && name.is_empty() => Some(Rc::clone(o)),
-            _ => None,
-        };
+        // Where surfaces belong to faces, that of the whole shape has no name.
         let surface = if o.names_faces() {
             o.mark_read(&[""]);
-            o.properties.iter().find_map(of_all)
+            let mut surfaces = o.inside("bsdf");
+            surfaces
+                .find(|(name, _)| name.is_empty())
+                .map(|(_, surface)| surface)
         } else {
-            o.children("bsdf").next().cloned()
+            o.children("bsdf").next()
         };
+        let surface = surface.cloned();
         let mut material = match &surface {
             Some(s) => self.surface(s, stem.as_deref(), false)?,
             None => String::new(),
@@ -297,8 +298,7 @@ impl MitsubaLoader {
         let emitters: Vec<Rc<XmlObject>> = o.children("emitter").cloned().collect();
         if surface.is_none() {
             // In version 0.6 the boundary of a medium is no surface unless it has one.
-            let medium = |(_, p): &(String, Property)| matches!(p, Property::Object(o) if o.class == "medium");
-            let bounds = o.legacy && o.properties.iter().any(medium);
+            let bounds = o.legacy && o.inside("medium").next().is_some();
             material = self
                 .names
                 .allocate(if bounds { "boundary" } else { "grey" });
@@ -347,14 +347,7 @@ impl MitsubaLoader {
             return Ok(Rc::default());
         }
         o.mark_read(&["load_materials"]);
-        let surfaces = o
-            .properties
-            .iter()
-            .filter_map(|(name, property)| match property {
-                Property::Object(inside) if inside.class == "bsdf" => Some((name, inside)),
-                _ => None,
-            });
-        let surfaces: Vec<_> = surfaces.collect();
+        let surfaces: Vec<_> = o.inside("bsdf").collect();
         if surfaces.is_empty() {
             return self.library(o);
         }
@@ -376,7 +369,7 @@ impl MitsubaLoader {
             }
             let material = self.surface(surface, Some(name), false)?;
             named.retain(|known, _| values::snake_case(known) != *name);
-            named.insert(name.clone(), material);
+            named.insert(name.to_owned(), material);
         }
         Ok(Rc::new(named))
     }
@@ -441,6 +434,7 @@ impl MitsubaLoader {
         emissive.name = self.names.allocate(&format!("{shape}_light"));
         if !emissive.parts.is_empty() {
             (emissive.parts, emissive.weights) = (Vec::new(), Vec::new());
+            emissive.by_side = false;
             emissive.emitter_reflects = false;
             self.notes.push(light.note(
                 "a light on a blended surface reflects nothing here; in Mitsuba it reflects",

@@ -199,24 +199,30 @@ impl XmlObject {
         }
     }
 
-    /// Returns the objects of a class inside this one, and marks them as read.
-    pub fn children<'a>(&'a self, class: &'a str) -> impl Iterator<Item = &'a Rc<XmlObject>> + 'a {
+    /// Returns the objects of a class inside this one with their names.
+    pub fn inside<'a>(
+        &'a self,
+        class: &'a str,
+    ) -> impl Iterator<Item = (&'a str, &'a Rc<XmlObject>)> + 'a {
         self.properties
             .iter()
             .filter_map(move |(name, item)| match item {
-                Property::Object(o) if o.class == class => {
-                    self.used.borrow_mut().insert(name.clone());
-                    Some(o)
-                }
+                Property::Object(o) if o.class == class => Some((name.as_str(), o)),
                 _ => None,
             })
     }
 
+    /// Returns the objects of a class inside this one, and marks them as read.
+    pub fn children<'a>(&'a self, class: &'a str) -> impl Iterator<Item = &'a Rc<XmlObject>> + 'a {
+        self.inside(class).map(|(name, o)| {
+            self.mark_read(&[name]);
+            o
+        })
+    }
+
     /// Returns whether surfaces belong to faces of a shape by their names, as in version 0.6.
     pub fn names_faces(&self) -> bool {
-        let emits = |p: &Property| matches!(p, Property::Object(o) if o.class == "emitter");
-        let emits = self.properties.iter().any(|(_, p)| emits(p));
-        self.legacy && self.plugin == "obj" && !emits
+        self.legacy && self.plugin == "obj" && self.inside("emitter").next().is_none()
     }
 
     /// Returns the surfaces inside this object, and marks them as read.
