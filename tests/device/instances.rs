@@ -7,6 +7,7 @@ use glam::{Affine3A, Mat3, Quat, Vec2, Vec3};
 use lumbre_light::math::warp::uniform_sphere;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{Sharing, compile_sharing};
+use lumbre_light::scene::desc::place::double;
 use lumbre_light::scene::desc::{
     CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, Optics,
     SceneDesc, ShapeDesc, Transform, mesh_hash,
@@ -102,7 +103,7 @@ fn balls(count: u32, rows: u32) -> CompiledScene {
         let place = Affine3A::from_mat3_translation(linear, d.vector(spread));
         entities.push(EntityDesc {
             name: format!("ball {i}"),
-            transform: Transform::framed(place),
+            transform: Transform::framed(double(place)),
             material: (i % 4 == 2).then(|| "other".to_owned()),
             anisotropic_direction: None,
             shape: ShapeDesc::Mesh(Arc::clone(&mesh)),
@@ -110,9 +111,9 @@ fn balls(count: u32, rows: u32) -> CompiledScene {
     });
     entities.push(EntityDesc {
         name: "true ball".to_owned(),
-        transform: Transform::framed(Affine3A::from_translation(
+        transform: Transform::framed(double(Affine3A::from_translation(
             Vec3::new(0.3, -0.2, 0.4) * spread,
-        )),
+        ))),
         material: Some("other".to_owned()),
         anisotropic_direction: None,
         shape: ShapeDesc::Sphere {

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 pub use lights::{ENVIRONMENT_PARAMS, LIGHT_PARAMS};
 
@@ -105,8 +105,15 @@ params! {
         "Distance from the lens to the focal plane along the axis, in scene units.",
         |s, v| s.camera.focus_distance = Some(scalar(v));
     "camera.position": POINT, "Centre of projection, or of the lens.",
-        |s, v| s.camera.position = vector(v);
-    "camera.target": POINT, "A point on the optical axis.", |s, v| s.camera.target = vector(v);
+        |s, v| {
+            let [_, target] = s.camera.places();
+            s.camera = s.camera.clone().placed(point(v), target);
+        };
+    "camera.target": POINT, "A point on the optical axis.",
+        |s, v| {
+            let [position, _] = s.camera.places();
+            s.camera = s.camera.clone().placed(position, point(v));
+        };
     "camera.up": POINT, "Direction that points up in the image.", |s, v| s.camera.up = vector(v);
     "resolution": Ty::nums(2, 1.0, MAX_SIDE as f64),
         "Width and height in pixels, whole numbers.",
@@ -120,7 +127,7 @@ params! {
     /// Settings of an entity.
     pub const ENTITY_PARAMS: EntityDesc;
     "position": POINT, "Translation of a mesh, centre of a sphere, in scene units.",
-        |e, v| e.transform.translate = vector(v);
+        |e, v| e.transform.translate = point(v);
     "rotation_deg": Ty::nums(3, -1e6, 1e6),
         "Rotation of a mesh about x, y and z in degrees, z first.",
         |e, v| {
@@ -162,6 +169,10 @@ fn scalar(v: &Value) -> f32 {
 
 fn numbers<const N: usize>(v: &Value) -> [f32; N] {
     std::array::from_fn(|i| item(v, i) as f32)
+}
+
+fn point(v: &Value) -> DVec3 {
+    DVec3::new(item(v, 0), item(v, 1), item(v, 2))
 }
 
 fn vector(v: &Value) -> Vec3 {

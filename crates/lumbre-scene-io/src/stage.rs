@@ -1,8 +1,9 @@
 //! Stages: light, ground and camera for scenes that bring none, such as the models of a library.
 
-use glam::{Affine3A, Quat, Vec2, Vec3};
+use glam::{Affine3A, DAffine3, Quat, Vec2, Vec3};
 
 use crate::load::default_scene::{bounds, framing_camera, visit_points};
+use lumbre_light::scene::desc::place::{double, origin, shift};
 use lumbre_light::scene::desc::{
     CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, SceneDesc, ShapeDesc,
     TextureSlot, Transform,
@@ -69,14 +70,18 @@ pub fn set_up(scene: &mut SceneDesc, stage: Stage) {
         Stage::White => scene.environment = Some(constant_environment(1.0)),
         Stage::Studio => {
             scene.environment = Some(constant_environment(ENVIRONMENT_RADIANCE));
-            let around = bounds(&scene.entities);
-            if let Some([low, high]) = around {
-                if scene.camera == framing_camera(around) {
+            let framed = scene.camera == framing_camera(bounds(&scene.entities));
+            // Far from the origin, single precision is too coarse for a ground below a model.
+            let origin = origin(scene);
+            shift(scene, -origin);
+            if let Some([low, high]) = bounds(&scene.entities) {
+                if framed {
                     scene.camera =
                         studio_camera(&scene.entities, (low + high) / 2.0, scene.resolution);
                 }
                 add_ground_and_light(scene, [low, high]);
             }
+            shift(scene, origin);
         }
     }
 }
@@ -135,7 +140,7 @@ fn add_ground_and_light(scene: &mut SceneDesc, [low, high]: [Vec3; 2]) {
         scene,
         ground,
         GROUND_SIDE * radius,
-        Affine3A::from_translation(below),
+        DAffine3::from_translation(below.as_dvec3()),
     );
     let light = MaterialDesc {
         emission: Vec3::splat(LIGHT_RADIANCE),
@@ -143,11 +148,11 @@ fn add_ground_and_light(scene: &mut SceneDesc, [low, high]: [Vec3; 2]) {
     };
     let facing_down = Quat::from_rotation_arc(Vec3::Y, -LIGHT.normalize_or(Vec3::Y));
     let place = Affine3A::from_rotation_translation(facing_down, center + radius * LIGHT);
-    add_square(scene, light, LIGHT_SIDE * radius, place);
+    add_square(scene, light, LIGHT_SIDE * radius, double(place));
 }
 
 /// Adds a square with its own material. Names that the scene has already are left to it.
-fn add_square(scene: &mut SceneDesc, mut material: MaterialDesc, side: f32, frame: Affine3A) {
+fn add_square(scene: &mut SceneDesc, mut material: MaterialDesc, side: f32, frame: DAffine3) {
     while scene.material_index(&material.name).is_some() {
         material.name += "_";
     }

@@ -3,9 +3,10 @@
 
 use std::sync::Arc;
 
-use glam::{Affine2, Affine3A, Quat, Vec2, Vec3};
+use glam::{Affine2, Affine3A, DAffine3, DVec3, Quat, Vec2, Vec3};
 use lumbre_light::film::Image;
 use lumbre_light::scene::compile;
+use lumbre_light::scene::desc::place::double;
 use lumbre_light::scene::desc::{
     ConeDesc, ConeEdge, Distribution, EntityDesc, EnvironmentDesc, EnvironmentSource, Formulas,
     LightDesc, LightKind, Lookup, MaskMode, MaterialDesc, Model, RoughnessTexels, SceneDesc,
@@ -122,7 +123,7 @@ pub(super) fn gallery(materials: Vec<MaterialDesc>) -> SceneDesc {
         let at = Vec3::new(1.9 * (i as f32 - (count - 1.0) / 2.0), 0.0, 0.0);
         desc.entities.push(EntityDesc {
             name: format!("tile {i}"),
-            transform: Transform::framed(Affine3A::from_rotation_translation(turn, at)),
+            transform: Transform::framed(double(Affine3A::from_rotation_translation(turn, at))),
             material: Some(m.name.clone()),
             anisotropic_direction: None,
             shape: ShapeDesc::Mesh(tile.clone()),
@@ -130,7 +131,7 @@ pub(super) fn gallery(materials: Vec<MaterialDesc>) -> SceneDesc {
         desc.entities.push(EntityDesc {
             name: format!("ball {i}"),
             transform: Transform {
-                translate: at + Vec3::new(0.0, 2.0, 0.0),
+                translate: (at + Vec3::new(0.0, 2.0, 0.0)).as_dvec3(),
                 ..Transform::default()
             },
             material: Some(m.name.clone()),
@@ -138,10 +139,7 @@ pub(super) fn gallery(materials: Vec<MaterialDesc>) -> SceneDesc {
             shape: ShapeDesc::Sphere { radius: 0.7 },
         });
     }
-    let light = |name: &str, kind| LightDesc {
-        name: name.to_owned(),
-        kind,
-    };
+    let light = |name: &str, kind| LightDesc::new(name, kind);
     desc.lights = vec![
         light(
             "bulb",
@@ -351,7 +349,7 @@ fn mirrored_entities_keep_their_front() {
     );
     assert!(flat.normals.is_empty(), "the shape must have flat faces");
     for entity in &mut desc.entities {
-        entity.transform.frame *= Affine3A::from_scale(Vec3::new(-1.0, 1.0, 1.0));
+        entity.transform.frame *= DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0));
         if let ShapeDesc::Mesh(mesh) = &mut entity.shape
             && entity.name == "tile 0"
         {
@@ -374,7 +372,7 @@ fn entities_with_one_mesh_share_one_file_and_one_group() {
     for i in 0..5 {
         let mut copy = tile.clone();
         copy.name = format!("copy {i}");
-        copy.transform.translate = Vec3::new(0.4 * i as f32 - 1.0, 0.5 * i as f32, -1.0);
+        copy.transform.translate = Vec3::new(0.4 * i as f32 - 1.0, 0.5 * i as f32, -1.0).as_dvec3();
         desc.entities.push(copy);
     }
     let dir = tempfile::tempdir().unwrap();

@@ -197,15 +197,13 @@ fn goniometric_lights_have_the_same_directions_after_export_and_import() {
     };
     let texels = Texels::RgbaF32((0..64 * 32).map(texel).collect());
     let map = Arc::new(TextureDesc::new("m.exr", 64, 32, texels));
-    desc.lights = vec![LightDesc {
-        name: "lamp".to_owned(),
-        kind: LightKind::Goniometric {
-            position: Vec3::new(0.5, 1.0, 5.0),
-            intensity: Vec3::new(20.0, 15.0, 9.0),
-            map,
-            rotation_deg: 70.0,
-        },
-    }];
+    let lamp = LightKind::Goniometric {
+        position: Vec3::new(0.5, 1.0, 5.0),
+        intensity: Vec3::new(20.0, 15.0, 9.0),
+        map,
+        rotation_deg: 70.0,
+    };
+    desc.lights = vec![LightDesc::new("lamp", lamp)];
     let (imported, notes) = round_trip(&desc);
     assert!(
         notes.contains("equal areas") && !notes.contains("not supported"),
@@ -452,7 +450,7 @@ fn the_lens_and_instances_are_the_same_after_export_to_pbrt() {
     for i in 0..3 {
         let mut copy = tile.clone();
         copy.name = format!("copy {i}");
-        copy.transform.translate = Vec3::new(0.4 * i as f32 - 1.0, 0.5 * i as f32, -1.0);
+        copy.transform.translate = Vec3::new(0.4 * i as f32 - 1.0, 0.5 * i as f32, -1.0).as_dvec3();
         desc.entities.push(copy);
     }
     let dir = tempfile::tempdir().unwrap();

@@ -37,6 +37,7 @@ mod obj_state;
 mod pbrt;
 mod pbrt_content;
 mod pbrt_names;
+mod places;
 mod ply;
 mod samples;
 mod scn;

@@ -100,6 +100,36 @@ s:environment { color = { 0.1, 0.1, 0.2 }, scale = 2 }",
 }
 
 #[test]
+fn places_far_from_the_origin_are_in_double_precision() {
+    let relative = |x: f64| {
+        let body = format!(
+            "s:camera {{ position = {{ {}, 1, 5 }}, target = {{ {x}, 1, 0 }} }}
+s:add {{ shape = shape.sphere {{ radius = 0.2 }}, material = \"clay\", at = {{ {}, 1, 0 }} }}
+s:light {{ position = {{ {}, 3, 0 }}, intensity = {{ 1, 1, 1 }} }}",
+            x + 0.01,
+            x + 0.02,
+            x - 0.03,
+        );
+        let folder = Folder::new("");
+        let head = HEAD.lines().filter(|line| !line.starts_with("s:camera"));
+        let head: Vec<&str> = head.collect();
+        folder.put(
+            "scene.lua",
+            format!("{}\n{body}\nreturn s\n", head.join("\n")),
+        );
+        let (scene, _) = compile(&read(&folder, &[]).unwrap()).unwrap();
+        let ball = scene.spheres[0].center;
+        [
+            scene.camera.position - ball,
+            scene.points[0].position - ball,
+        ]
+    };
+    for (near, far) in relative(0.25).into_iter().zip(relative(3_000_000.1)) {
+        assert!((near - far).length() < 1e-5, "{far}, not {near}");
+    }
+}
+
+#[test]
 fn goniometric_lights_need_a_position_and_an_intensity_and_nothing_else() {
     let map = "map = texture.paint { size = { 4, 2 }, linear = true, color = function(u, v) return \
                u end }";

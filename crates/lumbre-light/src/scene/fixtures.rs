@@ -13,7 +13,7 @@ use super::desc::{
 pub fn scene(shapes: &[(ShapeDesc, Vec3)], material: MaterialDesc) -> SceneDesc {
     let entity = |(i, (shape, translate)): (usize, &(ShapeDesc, Vec3))| EntityDesc {
         transform: Transform {
-            translate: *translate,
+            translate: translate.as_dvec3(),
             ..Transform::default()
         },
         ..EntityDesc::new(format!("e{i}"), shape.clone())

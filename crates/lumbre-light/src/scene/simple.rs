@@ -19,7 +19,7 @@ pub fn lambert(name: &str, base_color: Vec3) -> MaterialDesc {
 pub fn ball(material: &str, center: Vec3, radius: f32) -> EntityDesc {
     EntityDesc {
         transform: Transform {
-            translate: center,
+            translate: center.as_dvec3(),
             ..Transform::default()
         },
         material: Some(material.to_owned()),

@@ -13,6 +13,7 @@ use crate::error::ScriptError;
 use crate::kind::kind;
 use crate::state::Purpose;
 use crate::strict::Fields;
+use lumbre_light::scene::desc::place::double;
 use lumbre_light::scene::desc::{
     CowVec, EntityDesc, LightDesc, MaterialDesc, MeshDesc, SceneDesc, ShapeDesc, mesh_hash,
 };
@@ -61,7 +62,7 @@ fn adopt_scene(builder: &mut SceneBuilder, other: SceneDesc, fields: &Fields, fr
     let material = fields.text("material");
     let renamed = adopt_materials(builder, other.materials, prefix, material);
     for mut entity in other.entities {
-        entity.transform.frame = frame * entity.transform.frame;
+        entity.transform.frame = double(frame) * entity.transform.frame;
         if let (Some("plane"), ShapeDesc::Mesh(mesh)) = (fields.text("project"), &entity.shape)
             && mesh.uvs.is_empty()
         {

@@ -29,7 +29,11 @@ pub fn light(args: &Args) -> Result<LuaValue, ScriptError> {
     if builder.desc.lights.iter().any(|l| l.name == name) {
         return Err(args.error(format!("a light `{name}` already exists"), None));
     }
-    builder.desc.lights.push(LightDesc { name, kind });
+    let mut light = LightDesc::new(name, kind);
+    if let Some(position) = super::part::place(&fields, "position") {
+        light.place(position);
+    }
+    builder.desc.lights.push(light);
     Ok(LuaValue::Nil)
 }
 

@@ -1,6 +1,6 @@
 //! `scene {..}` and the methods of scenes for options, cameras and shapes.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use mlua::Value as LuaValue;
 
 use super::schema::{CAMERA, SCENE};
@@ -155,15 +155,13 @@ fn option(args: &Args) -> Result<LuaValue, ScriptError> {
 /// Converts argument `index`, the options of a camera.
 fn read_camera(args: &Args, index: usize) -> Result<CameraDesc, ScriptError> {
     let fields = args.fields(index, "options", &CAMERA, "camera")?;
-    let point = |key: &str| fields.numbers(key).map(Vec3::from_array);
+    let place = |key: &str| part::place(&fields, key);
     let number = |key: &str| fields.f32(key);
     let defaults = CameraDesc::default();
     let kind = fields.text("kind");
     let camera = CameraDesc {
         kind: kind.and_then(CameraKind::from_name).unwrap_or_default(),
-        position: point("position").unwrap_or(Vec3::Z),
-        target: point("target").unwrap_or(Vec3::ZERO),
-        up: point("up").unwrap_or(Vec3::Y),
+        up: fields.numbers("up").map_or(Vec3::Y, Vec3::from_array),
         view_height: number("view_height").unwrap_or(defaults.view_height),
         window: fields
             .numbers("window")
@@ -174,7 +172,10 @@ fn read_camera(args: &Args, index: usize) -> Result<CameraDesc, ScriptError> {
             .with_f_number(number("f_number"))
             .with_focal_length(number("focal_length"))
             .with_sensor_height(number("sensor_height")),
+        ..defaults
     };
+    let position = place("position").unwrap_or(DVec3::Z);
+    let camera = camera.placed(position, place("target").unwrap_or(DVec3::ZERO));
     let conflicts = [
         (
             "aperture",

@@ -3,7 +3,7 @@
 
 use std::rc::Rc;
 
-use glam::{Affine3A, EulerRot, Quat, Vec3};
+use glam::{Affine3A, DVec3, EulerRot, Quat, Vec3};
 use mlua::{UserData, UserDataFields, Value as LuaValue};
 
 use super::shape_object::ShapeObject;
@@ -13,6 +13,7 @@ use crate::kind::{KIND, kind};
 use crate::strict::{self, Fields, numbers};
 use lumbre_light::field;
 use lumbre_light::scene::desc::Transform;
+use lumbre_light::scene::desc::place::double;
 use lumbre_light::value::schema::{Field, SchemaError, Table, Ty};
 use lumbre_scene_io::names::UniqueNames;
 
@@ -94,7 +95,7 @@ enum PartContent {
 /// Placement of a part: scale, then rotation, then translation.
 #[derive(Clone, Copy, Debug)]
 struct Placement {
-    at: Vec3,
+    at: DVec3,
     rotate_rad: Vec3,
     scale: Vec3,
 }
@@ -106,7 +107,7 @@ impl Placement {
         Affine3A::from_scale_rotation_translation(
             self.scale,
             Quat::from_euler(EulerRot::XYZ, x, y, z),
-            self.at,
+            self.at.as_vec3(),
         )
     }
 }
@@ -202,16 +203,16 @@ impl Placement {
                 translate,
                 rotate_rad,
                 scale,
-                frame: around,
+                frame: double(around),
             }
         } else {
             let turned = Placement {
-                at: Vec3::ZERO,
+                at: DVec3::ZERO,
                 ..*self
             }
             .matrix();
-            let moved = around * Affine3A::from_translation(self.at);
-            Transform::framed(moved * turned)
+            let moved = around * Affine3A::from_translation(self.at.as_vec3());
+            Transform::framed(double(moved * turned))
         }
     }
 }
@@ -310,6 +311,13 @@ fn vector(fields: &Fields, key: &str) -> Option<Vec3> {
     fields.numbers(key).map(Vec3::from_array)
 }
 
+/// Returns the point of a field in double precision.
+pub fn place(fields: &Fields, key: &str) -> Option<DVec3> {
+    let list = fields.values.get(key)?.as_list()?;
+    let [x, y, z] = list else { return None };
+    Some(DVec3::new(x.as_f64()?, y.as_f64()?, z.as_f64()?))
+}
+
 /// Converts the placement of a part.
 fn placement(fields: &Fields, path: &str) -> Result<Placement, SchemaError> {
     let wrong =
@@ -335,7 +343,7 @@ fn placement(fields: &Fields, path: &str) -> Result<Placement, SchemaError> {
             "a scale of 0 makes the part flat".to_owned(),
         ));
     }
-    let at = vector(fields, "at").unwrap_or(Vec3::ZERO);
+    let at = place(fields, "at").unwrap_or(DVec3::ZERO);
     Ok(Placement {
         at,
         rotate_rad: rotate_deg * std::f32::consts::PI / 180.0,

@@ -134,12 +134,12 @@ mod tests {
 
     /// Returns a ball between two point lights, the second of which has three times the power.
     fn two_lights() -> Arc<CompiledScene> {
-        let light = |(i, (x, intensity)): (usize, &(f32, f32))| LightDesc {
-            name: format!("l{i}"),
-            kind: LightKind::Point {
+        let light = |(i, (x, intensity)): (usize, &(f32, f32))| {
+            let kind = LightKind::Point {
                 position: Vec3::X * *x,
                 intensity: Vec3::splat(*intensity),
-            },
+            };
+            LightDesc::new(format!("l{i}"), kind)
         };
         let ball = EntityDesc::new("ball", ShapeDesc::Sphere { radius: 1.0 });
         let desc = SceneDesc {

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::{COORDINATE, POINT, Param, has_no, name_and_param, params, scalar, vector};
+use super::{COORDINATE, POINT, Param, has_no, name_and_param, params, point, scalar, vector};
 use crate::load;
 use lumbre_light::scene::desc::light::CUTOFF_RANGE;
 use lumbre_light::scene::desc::{
@@ -21,20 +21,13 @@ const DIRECTION: Ty = Ty::nums(3, -COORDINATE, COORDINATE);
 
 params! {
     /// Settings of lights without a surface.
-    pub const LIGHT_PARAMS: LightKind;
+    pub const LIGHT_PARAMS: LightDesc;
     "position": POINT, "Position of a point, spot or goniometric light in scene units.",
-        |light, v| match light {
-            LightKind::Point { position, .. }
-            | LightKind::Spot { position, .. }
-            | LightKind::Goniometric { position, .. } => {
-                *position = vector(v);
-            }
-            LightKind::Directional { .. } => {}
-        };
+        |light, v| light.place(point(v));
     "intensity": COLOR,
         "Radiant intensity of a point light, of a spot light along its axis, or of a goniometric \
          light where its map is 1: irradiance times squared distance.",
-        |light, v| match light {
+        |light, v| match &mut light.kind {
             LightKind::Point { intensity, .. }
             | LightKind::Spot { intensity, .. }
             | LightKind::Goniometric { intensity, .. } => {
@@ -45,25 +38,25 @@ params! {
     "direction": DIRECTION,
         "Direction in which a directional light travels, or axis of a spot light; any non-zero \
          length.",
-        |light, v| match light {
+        |light, v| match &mut light.kind {
             LightKind::Directional { direction, .. } | LightKind::Spot { direction, .. } => {
                 *direction = vector(v);
             }
             LightKind::Point { .. } | LightKind::Goniometric { .. } => {}
         };
     "irradiance": COLOR, "Irradiance of a directional light on a surface that faces it.",
-        |light, v| if let LightKind::Directional { irradiance, .. } = light {
+        |light, v| if let LightKind::Directional { irradiance, .. } = &mut light.kind {
             *irradiance = vector(v);
         };
     "beam": Ty::num(0.0, CUTOFF_RANGE[1]),
         "Angle from the axis in degrees up to which a spot light has its full intensity; at most \
          its cutoff.",
-        |light, v| if let LightKind::Spot { cone, .. } = light {
+        |light, v| if let LightKind::Spot { cone, .. } = &mut light.kind {
             cone.beam_deg = scalar(v);
         };
     "cutoff": Ty::num(CUTOFF_RANGE[0], CUTOFF_RANGE[1]),
         "Angle from the axis in degrees beyond which a spot light emits nothing.",
-        |light, v| if let LightKind::Spot { cone, .. } = light {
+        |light, v| if let LightKind::Spot { cone, .. } = &mut light.kind {
             cone.cutoff_deg = scalar(v);
         };
     "map": Ty::Str,
@@ -73,7 +66,7 @@ params! {
     "rotation": Ty::num(-1e6, 1e6),
         "Rotation of the map of a goniometric light about +y in degrees, counter-clockwise seen \
          from above.",
-        |light, v| if let LightKind::Goniometric { rotation_deg, .. } = light {
+        |light, v| if let LightKind::Goniometric { rotation_deg, .. } = &mut light.kind {
             *rotation_deg = scalar(v);
         };
 }
@@ -155,7 +148,7 @@ pub(super) fn set_light(
     }
     match &mut light.kind {
         LightKind::Goniometric { map, .. } if param == MAP => *map = read_map(path, value)?,
-        kind => (row.set_checked)(kind, value),
+        _ => (row.set_checked)(light, value),
     }
     Ok(())
 }

@@ -73,7 +73,8 @@ pub fn can_replace(folder: &Path) -> bool {
 /// Fails if the folder or a file cannot be written, or if a sphere's transform makes it an
 /// ellipsoid.
 pub fn mitsuba(desc: &SceneDesc, folder: &Path) -> Result<Exported, SceneError> {
-    let desc = &*uses::with_resolved_choices(desc);
+    let (desc, moved) = uses::prepared(desc);
+    let desc = &*desc;
     let mut writer = SceneWriter {
         desc,
         uses: MeshUses::new(desc),
@@ -84,7 +85,7 @@ pub fn mitsuba(desc: &SceneDesc, folder: &Path) -> Result<Exported, SceneError> 
         ids: UniqueNames::default(),
         surfaces: Vec::new(),
         groups: BTreeMap::new(),
-        notes: Vec::new(),
+        notes: moved.into_iter().collect(),
     };
     writer.scene()?;
     let SceneWriter {
@@ -121,8 +122,9 @@ fn sphere_place(entity: &EntityDesc, radius: f32) -> Result<(Vec3, f32), SceneEr
             problem,
         ));
     };
-    let frame = entity.transform.frame;
-    let center = frame.transform_point3(entity.transform.translate);
+    let transform = entity.transform;
+    let translate = transform.translate.as_vec3();
+    let center = transform.frame.as_affine3a().transform_point3(translate);
     Ok((center, radius * scale))
 }
 
@@ -187,17 +189,14 @@ impl SceneWriter<'_> {
         for entity in &self.desc.entities {
             match &entity.shape {
                 ShapeDesc::Sphere { radius } => {
-                    let center = entity
-                        .transform
-                        .frame
-                        .transform_point3(entity.transform.translate);
+                    let center = entity.to_world().translation.as_vec3();
                     let radius = radius * entity.transform.sphere_scale().unwrap_or(1.0);
                     [-radius, radius]
                         .into_iter()
                         .for_each(|r| include(center + Vec3::splat(r)));
                 }
                 ShapeDesc::Mesh(mesh) => {
-                    let map = entity.transform.to_world();
+                    let map = entity.to_world();
                     let world = |p: &Vec3| map.transform_point3(p.as_dvec3()).as_vec3();
                     mesh.positions.iter().map(world).for_each(&mut include);
                 }
@@ -350,7 +349,7 @@ impl SceneWriter<'_> {
                 ShapeDesc::Sphere { radius } => self.sphere(entity, *radius)?,
                 ShapeDesc::Mesh(mesh) => {
                     let key = self.uses.key(entity, mesh);
-                    let map = entity.transform.to_world();
+                    let map = entity.to_near_world();
                     let emits = key.1.iter().any(|row| self.emits(*row));
                     let stem = identifier(&entity.name);
                     if self.uses.is_shared(&key) && !emits && map.matrix3.determinant() != 0.0 {

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use glam::{DMat3, DVec3};
 
 use lumbre_light::scene::Note;
+use lumbre_light::scene::desc::place::{origin, shift};
 use lumbre_light::scene::desc::{
     EntityDesc, FilterChoice, Lookup, MaterialDesc, MaterialNames, MeshDesc, SceneDesc,
     ShadingNormals, ShapeDesc, TextureSlot,
@@ -78,9 +79,26 @@ pub(super) fn direction_note(entity: &EntityDesc, program: &str) -> Option<Note>
     })
 }
 
+/// Returns the scene as it is written: in [resolved choices](with_resolved_choices), and near the
+/// origin, since other programs compute in single precision; with a note if it was moved.
+pub(super) fn prepared(desc: &SceneDesc) -> (Cow<'_, SceneDesc>, Option<Note>) {
+    let origin = origin(desc);
+    if origin == DVec3::ZERO {
+        return (with_resolved_choices(desc), None);
+    }
+    let mut near = desc.clone();
+    shift(&mut near, -origin);
+    let text = format!(
+        "the scene lies far from the origin for its size; it is moved by ({}, {}, {})",
+        -origin.x, -origin.y, -origin.z
+    );
+    let near = with_resolved_choices(&near).into_owned();
+    (Cow::Owned(near), Some(Note::new("", "entities", text)))
+}
+
 /// Returns the scene with the filter of each material's textures as their own, and without the
 /// normal and bump maps and the terminator offset of materials with flat normals.
-pub(super) fn with_resolved_choices(desc: &SceneDesc) -> Cow<'_, SceneDesc> {
+fn with_resolved_choices(desc: &SceneDesc) -> Cow<'_, SceneDesc> {
     let chooses = |m: &MaterialDesc| {
         m.texture_filter != FilterChoice::Given || m.shading_normals != ShadingNormals::Smooth
     };

@@ -55,7 +55,7 @@ pub fn visit_points(entities: &[EntityDesc], mut visit: impl FnMut(Vec3)) {
     // Bounding boxes of meshes in object space, by address.
     let mut boxes: BTreeMap<*const MeshDesc, [Vec3; 2]> = BTreeMap::new();
     for entity in entities {
-        let world = entity.transform.to_world();
+        let world = entity.to_near_world();
         let mesh = match &entity.shape {
             ShapeDesc::Mesh(mesh) => mesh,
             ShapeDesc::Sphere { radius } => {
@@ -101,16 +101,16 @@ pub fn framing_camera(bounds: Option<[Vec3; 2]>) -> CameraDesc {
 /// Returns a point that a camera at `position` looks at in the unit direction `forward`: one unit
 /// away, or farther away where the coordinates of the position are too large for `f32` to represent
 /// such a difference precisely.
-pub fn target(position: DVec3, forward: DVec3) -> Vec3 {
-    let near = || (position + forward).as_vec3();
+pub fn target(position: DVec3, forward: DVec3) -> DVec3 {
+    let near = || position + forward;
     distant_target(position, forward).unwrap_or_else(near)
 }
 
 /// Returns the point that a camera far from the origin looks at: see [`target`]. `None` for a
 /// camera near the origin.
-pub fn distant_target(position: DVec3, forward: DVec3) -> Option<Vec3> {
+pub fn distant_target(position: DVec3, forward: DVec3) -> Option<DVec3> {
     let extent = position.abs().max_element();
-    (extent > FAR).then(|| (position + extent * forward).as_vec3())
+    (extent > FAR).then(|| position + extent * forward)
 }
 
 /// Returns smooth vertex normals: those of [`mean_normals`], or +y.

@@ -303,6 +303,10 @@ fn vertices(
             "expected the properties x, y and z".to_owned(),
         ));
     }
+    let is_precise = |(p, slot): (&Property, &Option<usize>)| {
+        slot.is_some_and(|slot| slot < 3) && source.is_precise(p.ty)
+    };
+    let precise = element.properties.iter().zip(&slots).any(is_precise);
     let (has_normals, has_uvs, has_colors) = (has(3..6), has(6..8), has(8..11));
     let red = element
         .properties
@@ -310,11 +314,18 @@ fn vertices(
         .zip(&slots)
         .find(|(_, slot)| **slot == Some(8));
     let color_max = red.and_then(|(p, _)| p.ty.color_max());
+    let mut points: Vec<DVec3> = Vec::new();
     for i in 0..element.count {
         let mut vertex: Vertex = [0.0; 11];
+        let mut point = DVec3::ZERO;
         for (property, slot) in element.properties.iter().zip(&slots) {
             let done = match (slot, property.length) {
-                (Some(slot), None) => source.number(property.ty).map(|x| vertex[*slot] = x as f32),
+                (Some(slot), None) => source.number(property.ty).map(|x| {
+                    vertex[*slot] = x as f32;
+                    if *slot < 3 {
+                        point[*slot] = x;
+                    }
+                }),
                 _ => Element::skip_property(property, source),
             };
             done.map_err(|e| element.error(i, source, e))?;
@@ -324,6 +335,9 @@ fn vertices(
             return Err(element.error(i, source, "the numbers must be finite".to_owned()));
         }
         mesh.positions.push(Vec3::new(x, y, z));
+        if precise {
+            points.push(point);
+        }
         if has_normals {
             mesh.normals.push(Vec3::new(nx, ny, nz));
         }
@@ -333,6 +347,9 @@ fn vertices(
         if has_colors {
             mesh.colors.push(Vec3::from_array(color));
         }
+    }
+    if precise {
+        mesh.place(&points);
     }
     let like_byte = |c: &Vec3| c.max_element() > MOST_FLOAT;
     let like_bytes = color_max.is_none() && mesh.colors.iter().any(like_byte);

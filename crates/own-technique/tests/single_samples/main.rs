@@ -49,7 +49,7 @@ fn two_spheres() -> Arc<CompiledScene> {
     let sphere = |name: &str, x: f32, radius: f32| EntityDesc {
         name: name.into(),
         transform: Transform {
-            translate: Vec3::X * x,
+            translate: (Vec3::X * x).as_dvec3(),
             ..Transform::default()
         },
         material: Some(name.into()),

@@ -1,65 +1,9 @@
 //! Bounding box and bounding sphere of a scene, without visiting every vertex of every instance.
 
-use std::collections::BTreeMap;
-use std::sync::Arc;
-
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use super::{CompiledScene, Instance};
-use crate::scene::desc::{MAX_COORDINATE, SceneDesc, ShapeDesc};
-
-/// Greatest coordinate of a scene relative to its size up to which it is compiled where it is.
-const FAR: f64 = 8.0;
-
-/// Returns the point of a description that becomes the origin of its compiled scene: the origin, or
-/// for a scene that lies far from it a point near its middle.
-///
-/// The point is a multiple of a power of two about as large as the scene, so that it is subtracted
-/// from single-precision coordinates without rounding.
-pub(super) fn origin(desc: &SceneDesc) -> DVec3 {
-    let mut boxes: BTreeMap<*const _, [Vec3; 2]> = BTreeMap::new();
-    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    for entity in &desc.entities {
-        let to_world = entity.transform.to_world();
-        match &entity.shape {
-            ShapeDesc::Sphere { radius } => {
-                let radius = f64::from(*radius * entity.transform.sphere_scale().unwrap_or(1.0));
-                low = low.min(to_world.translation - radius);
-                high = high.max(to_world.translation + radius);
-            }
-            ShapeDesc::Mesh(mesh) => {
-                let own = boxes
-                    .entry(Arc::as_ptr(mesh))
-                    .or_insert_with(|| box_of(&mesh.positions));
-                for corner in box_corners(*own) {
-                    let corner = to_world.transform_point3(corner.as_dvec3());
-                    (low, high) = (low.min(corner), high.max(corner));
-                }
-            }
-        }
-    }
-    let size = (high - low).max_element();
-    let extent = low.abs().max(high.abs()).max_element();
-    // Points out of range are an error, which states where they are.
-    if !(size > 0.0 && extent > FAR * size && extent <= f64::from(MAX_COORDINATE)) {
-        return DVec3::ZERO;
-    }
-    let step = size.log2().floor().exp2();
-    ((low + (high - low) * 0.5) / step).round() * step
-}
-
-/// Returns the bounding box of points.
-pub(super) fn box_of<'a>(points: impl IntoIterator<Item = &'a Vec3>) -> [Vec3; 2] {
-    let start = [Vec3::INFINITY, Vec3::NEG_INFINITY];
-    let points = points.into_iter();
-    points.fold(start, |[low, high], p| [low.min(*p), high.max(*p)])
-}
-
-/// Returns the corners of a box.
-pub(super) fn box_corners([low, high]: [Vec3; 2]) -> [Vec3; 8] {
-    let pick = |i: usize, bit: usize| if i & bit == 0 { low } else { high };
-    std::array::from_fn(|i| Vec3::new(pick(i, 1).x, pick(i, 2).y, pick(i, 4).z))
-}
+use crate::scene::desc::place::{box_corners, box_of};
 
 /// Corners of the bounding box of a mesh, transformed to the world by an instance.
 type TransformedBox = [Vec3; 8];

@@ -12,7 +12,7 @@ use super::{CompiledScene, NONE, Sphere, bounds, lights, materials};
 use crate::math::distribution::AliasTable;
 use crate::scene::desc::{
     CameraDesc, CameraKind, EntityDesc, MAX_COORDINATE, SceneDesc, ShapeDesc, VIEW_HEIGHT_RANGE,
-    content_hash,
+    content_hash, place,
 };
 use crate::scene::{Note, SceneError, note};
 use crate::value::schema::SchemaError;
@@ -84,7 +84,7 @@ pub fn compile_sharing(
     }
     let mut notes = resolver.notes;
     scene.bounds = bounds::bounds(&scene);
-    note_scale(&scene, &mut notes);
+    note_scale(&scene, desc, &mut notes);
     check_lights(&scene, &mut notes)?;
     Ok((scene, note::summed_up(notes)))
 }
@@ -100,13 +100,9 @@ fn without_surfaces(desc: &SceneDesc, notes: &mut Vec<Note>) -> Result<CompiledS
         textures,
         resolution: desc.resolution,
         max_depth: desc.max_depth,
-        origin: bounds::origin(desc),
         ..lights
     };
     scene.camera = scene.placed_camera(&desc.camera, notes)?;
-    for i in 0..scene.points.len() {
-        scene.points[i].position = scene.placed(scene.points[i].position);
-    }
     Ok(scene)
 }
 
@@ -118,18 +114,20 @@ const SMALL_SCENE: f32 = 1e-7;
 /// shows.
 const FAR_SCENE: f32 = 1e3;
 
-/// Notes a scene that is too small, or too far from the origin for its size.
-fn note_scale(scene: &CompiledScene, notes: &mut Vec<Note>) {
+/// Notes a scene that is too small, or whose vertices are too far from the origin for its size.
+fn note_scale(scene: &CompiledScene, desc: &SceneDesc, notes: &mut Vec<Note>) {
     let [low, high] = scene.bounds;
     let [near, far] = scene.bounds.map(|corner| scene.described(corner).abs());
     let (size, extent) = ((high - low).length(), near.max(far).max_element());
     if scene.primitive_count() == 0 || !size.is_finite() || size == 0.0 {
         return;
     }
-    let message = if extent > FAR_SCENE * size {
+    let coarse = || place::farthest_stored(desc) > FAR_SCENE * size;
+    let message = if extent > FAR_SCENE * size && coarse() {
         format!(
             "the scene measures {size:.3e} units but lies up to {extent:.3e} from the origin, where \
-             single precision is too coarse for it: shapes may be wrong; move it to the origin"
+             the single precision of its vertices is too coarse: shapes may be wrong; move it to \
+             the origin"
         )
     } else if size < SMALL_SCENE {
         format!(
@@ -256,10 +254,10 @@ fn add_sphere(
     };
     let center = if scene.origin == DVec3::ZERO {
         let frame = entity.transform.frame;
-        frame.transform_point3(entity.transform.translate)
+        let translate = entity.transform.translate.as_vec3();
+        frame.as_affine3a().transform_point3(translate)
     } else {
-        let placed = scene.placed_map(entity.transform.to_world());
-        placed.translation.as_vec3()
+        scene.placed_map(entity).translation.as_vec3()
     };
     let radius = radius * scale;
     if !(radius > 0.0 && radius <= MAX_COORDINATE) {

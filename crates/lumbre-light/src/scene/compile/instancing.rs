@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use glam::{DMat3, DVec3, Mat3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
-use super::bounds::{box_corners, box_of};
 use super::corners::cofactor;
 use super::instance::{Instance, SharedMesh};
 use super::mesh::{
@@ -13,6 +12,7 @@ use super::mesh::{
 };
 use super::{CompiledScene, NONE, TriangleAttributes, corners, tangents};
 use crate::math::distribution::AliasTable;
+use crate::scene::desc::place::{box_corners, box_of};
 use crate::scene::{Note, SceneError};
 
 /// Policy for a mesh that several entities use.

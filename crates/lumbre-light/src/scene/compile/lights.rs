@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::{CompiledScene, Texture};
 use crate::scene::desc::{
     ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSampling, EnvironmentSource, LightKind,
-    MAX_COORDINATE, SceneDesc, TextureDesc,
+    MAX_COORDINATE, SceneDesc, TextureDesc, place,
 };
 use crate::scene::{Note, SceneError};
 
@@ -143,12 +143,21 @@ pub(super) fn compile(
         textures,
         index: BTreeMap::new(),
     };
-    let mut compiled = CompiledScene::default();
+    let mut compiled = CompiledScene {
+        origin: place::origin(desc),
+        ..CompiledScene::default()
+    };
     for light in &desc.lights {
         let place = format!("lights.{}", light.name);
+        let rest = light.rest;
         let mut add_point = |position, intensity, cone, map| {
             let light = point_light(position, intensity, cone)?;
-            compiled.points.push(PointLight { map, ..light });
+            let position = compiled.placed(light.position, rest);
+            compiled.points.push(PointLight {
+                position,
+                map,
+                ..light
+            });
             Ok(())
         };
         let (color, result) = match light.kind {
@@ -405,10 +414,7 @@ mod tests {
     use crate::scene::desc::{CameraDesc, LightDesc, Texels, texture_hash};
 
     fn scene(lights: Vec<LightKind>, environment: Option<EnvironmentDesc>) -> SceneDesc {
-        let named = |(i, kind)| LightDesc {
-            name: format!("l{i}"),
-            kind,
-        };
+        let named = |(i, kind)| LightDesc::new(format!("l{i}"), kind);
         SceneDesc {
             resolution: [1, 1],
             max_depth: 1,

@@ -74,7 +74,7 @@ pub(super) fn mesh_entities<'a>(
             mesh,
             materials,
             place,
-            to_world: scene.placed_map(entity.transform.to_world()),
+            to_world: scene.placed_map(entity),
         });
     }
     Ok(entities)

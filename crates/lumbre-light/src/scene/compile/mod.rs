@@ -33,7 +33,7 @@ pub use texels::srgb_to_linear;
 pub use texels::{Curve, LinearTexels};
 pub use texture::{Footprint, Texture, Uv, UvMap};
 
-use super::desc::CameraDesc;
+use super::desc::{CameraDesc, EntityDesc};
 pub use super::desc::{
     DelayKind, Distribution, Formulas, Lookup, MaskMode, Model, RoughnessTexels, Wrap,
 };
@@ -308,13 +308,21 @@ impl CompiledScene {
         (point.as_dvec3() + self.origin).as_vec3()
     }
 
-    /// Returns a point of the description in the space of this scene.
-    fn placed(&self, point: Vec3) -> Vec3 {
-        (point.as_dvec3() - self.origin).as_vec3()
+    /// Returns a point of the description in the space of this scene. `rest` is what single
+    /// precision leaves of it.
+    fn placed(&self, point: Vec3, rest: Vec3) -> Vec3 {
+        if self.origin == DVec3::ZERO {
+            return point;
+        }
+        (point.as_dvec3() + rest.as_dvec3() - self.origin).as_vec3()
     }
 
-    /// Returns a map to the space of the description as one to the space of this scene.
-    fn placed_map(&self, mut map: DAffine3) -> DAffine3 {
+    /// Returns the map from the stored positions of an entity to the space of this scene.
+    fn placed_map(&self, entity: &EntityDesc) -> DAffine3 {
+        if self.origin == DVec3::ZERO {
+            return entity.to_near_world();
+        }
+        let mut map = entity.to_world();
         map.translation -= self.origin;
         map
     }
@@ -328,12 +336,14 @@ impl CompiledScene {
         camera: &CameraDesc,
         notes: &mut Vec<Note>,
     ) -> Result<CameraDesc, SceneError> {
-        let camera = compile_camera(camera, notes)?;
-        Ok(CameraDesc {
-            position: self.placed(camera.position),
-            target: self.placed(camera.target),
-            ..camera
-        })
+        let [position, target] = camera.rest;
+        let placed = CameraDesc {
+            position: self.placed(camera.position, position),
+            target: self.placed(camera.target, target),
+            rest: [Vec3::ZERO; 2],
+            ..camera.clone()
+        };
+        compile_camera(&placed, notes)
     }
 
     /// Returns the corners of the scene's bounding box, and the greatest distance of a surface from

@@ -1,8 +1,9 @@
 //! Camera description: kind, position, extent of the view, lens and sensor.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
+use super::place::split;
 use super::view_window::ViewWindow;
 
 /// Map from directions or positions to the picture of a camera.
@@ -63,6 +64,10 @@ pub struct CameraDesc {
     pub position: Vec3,
     /// A point on the optical axis; of a spherical camera, a point in the middle of the picture.
     pub target: Vec3,
+    /// Rest that single precision leaves of the position and of the target, which counts in scenes
+    /// far from the origin.
+    #[serde(default, skip_serializing_if = "no_rest")]
+    pub rest: [Vec3; 2],
     /// Direction that points up in the image.
     pub up: Vec3,
     /// Height of the picture of an orthographic camera in scene units, positive.
@@ -183,6 +188,11 @@ fn default_view_height() -> f32 {
     DEFAULT_VIEW_HEIGHT
 }
 
+/// Returns whether the position and the target are whole in single precision.
+fn no_rest(rest: &[Vec3; 2]) -> bool {
+    *rest == [Vec3::ZERO; 2]
+}
+
 impl Default for CameraDesc {
     /// Returns a pinhole camera at the origin that looks along -z, +y up, with a vertical field of
     /// view of 45 degrees.
@@ -191,6 +201,7 @@ impl Default for CameraDesc {
             kind: CameraKind::Perspective,
             position: Vec3::ZERO,
             target: Vec3::NEG_Z,
+            rest: [Vec3::ZERO; 2],
             up: Vec3::Y,
             view_height: DEFAULT_VIEW_HEIGHT,
             window: ViewWindow::WHOLE,
@@ -208,6 +219,23 @@ impl CameraDesc {
             target,
             optics: Optics::pinhole(fov_deg),
             ..CameraDesc::default()
+        }
+    }
+
+    /// Returns the position and the target in double precision.
+    pub fn places(&self) -> [DVec3; 2] {
+        let whole = [self.position, self.target].map(|p| p.as_dvec3());
+        [0, 1].map(|i| whole[i] + self.rest[i].as_dvec3())
+    }
+
+    /// Returns the camera at another position with another target, in double precision.
+    pub fn placed(self, position: DVec3, target: DVec3) -> CameraDesc {
+        let [(position, p), (target, t)] = [position, target].map(split);
+        CameraDesc {
+            position,
+            target,
+            rest: [p, t],
+            ..self
         }
     }
 

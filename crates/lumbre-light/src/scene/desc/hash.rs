@@ -7,13 +7,13 @@
 //! index.
 
 use blake3::Hasher;
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 use super::material::MaterialParam;
 use super::material_params::SURFACE;
 use super::{
     CameraDesc, CameraKind, EntityDesc, EnvironmentSampling, EnvironmentSource, MATERIAL_PARAMS,
-    MaterialDesc, MaterialNames, MeshDesc, SceneDesc, ShapeDesc, Texels, ViewWindow,
+    MaterialDesc, MaterialNames, MeshDesc, SceneDesc, ShapeDesc, Texels, ViewWindow, place,
 };
 
 /// Version of the sampling of environment maps by their luminance, raised when pictures change.
@@ -59,7 +59,32 @@ fn hash_scene(desc: &SceneDesc, camera: Option<&CameraDesc>) -> [u8; 32] {
         .iter()
         .for_each(|e| hash_entity(&mut h, &names, e));
     hash_lights(&mut h, desc);
+    if place::origin(desc) != DVec3::ZERO {
+        hash_rests(&mut h, desc, camera);
+    }
     *h.finalize().as_bytes()
+}
+
+/// Writes what single precision leaves of the places in a scene far from the origin; nothing if it
+/// leaves nothing.
+fn hash_rests(h: &mut Hasher, desc: &SceneDesc, camera: Option<&CameraDesc>) {
+    let transforms = desc.entities.iter().map(|e| e.transform).enumerate();
+    for (i, transform) in transforms.filter(|(_, t)| *t != t.rounded()) {
+        h.update(b"transform");
+        int(h, i as u64);
+        let (frame, translate) = (transform.frame.to_cols_array(), transform.translate);
+        frame
+            .into_iter()
+            .chain(translate.to_array())
+            .for_each(|x| double(h, x));
+    }
+    let rests = camera.into_iter().flat_map(|c| c.rest);
+    let rests = rests.chain(desc.lights.iter().map(|light| light.rest));
+    for (i, rest) in rests.enumerate().filter(|(_, rest)| *rest != Vec3::ZERO) {
+        h.update(b"rest");
+        int(h, i as u64);
+        vec3(h, rest);
+    }
 }
 
 fn hash_camera(h: &mut Hasher, camera: &CameraDesc) {
@@ -175,9 +200,10 @@ fn hash_material(h: &mut Hasher, names: &MaterialNames, m: &MaterialDesc) {
 
 fn hash_entity(h: &mut Hasher, names: &MaterialNames, e: &EntityDesc) {
     let index = |name: &str| names.index(name).unwrap_or(0) as u64;
-    vec3(h, e.transform.translate);
+    vec3(h, e.transform.translate.as_vec3());
     e.transform
         .frame
+        .as_affine3a()
         .to_cols_array()
         .iter()
         .for_each(|x| float(h, *x));
@@ -245,6 +271,13 @@ pub fn mesh_hash(mesh: &MeshDesc) -> [u8; 32] {
             float(&mut h, t.w);
         }
     }
+    if mesh.origin != DVec3::ZERO {
+        h.update(b"origin");
+        mesh.origin
+            .to_array()
+            .iter()
+            .for_each(|x| double(&mut h, *x));
+    }
     *h.finalize().as_bytes()
 }
 
@@ -278,6 +311,10 @@ fn int(h: &mut Hasher, x: u64) {
 
 fn float(h: &mut Hasher, x: f32) {
     let x = if x == 0.0 { 0.0 } else { x };
+    h.update(&x.to_bits().to_le_bytes());
+}
+
+fn double(h: &mut Hasher, x: f64) {
     h.update(&x.to_bits().to_le_bytes());
 }
 
@@ -369,10 +406,7 @@ mod tests {
                 rotation_deg: 0.0,
             };
             s.lights = [sun, point, goniometric]
-                .map(|kind| LightDesc {
-                    name: "l".to_owned(),
-                    kind,
-                })
+                .map(|kind| LightDesc::new("l", kind))
                 .to_vec();
             let source = EnvironmentSource::Color(Vec3::ONE);
             s.environment = Some(EnvironmentDesc::new(source));

@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use super::TextureDesc;
+use super::place::split;
 
 /// A light without a surface.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,6 +15,41 @@ pub struct LightDesc {
     pub name: String,
     /// Type and parameters of the light.
     pub kind: LightKind,
+    /// Rest that single precision leaves of the position, which counts in scenes far from the origin.
+    pub rest: Vec3,
+}
+
+impl LightDesc {
+    /// Creates a light whose position is whole in single precision, or that has none.
+    pub fn new(name: impl Into<String>, kind: LightKind) -> LightDesc {
+        LightDesc {
+            name: name.into(),
+            kind,
+            rest: Vec3::ZERO,
+        }
+    }
+
+    /// Returns the position in double precision; `None` for a directional light.
+    pub fn position(&self) -> Option<DVec3> {
+        match self.kind {
+            LightKind::Point { position, .. }
+            | LightKind::Spot { position, .. }
+            | LightKind::Goniometric { position, .. } => {
+                Some(position.as_dvec3() + self.rest.as_dvec3())
+            }
+            LightKind::Directional { .. } => None,
+        }
+    }
+
+    /// Places the light, in double precision; no effect on a directional one.
+    pub fn place(&mut self, at: DVec3) {
+        match &mut self.kind {
+            LightKind::Point { position, .. }
+            | LightKind::Spot { position, .. }
+            | LightKind::Goniometric { position, .. } => (*position, self.rest) = split(at),
+            LightKind::Directional { .. } => {}
+        }
+    }
 }
 
 /// Type and parameters of a light without a surface.

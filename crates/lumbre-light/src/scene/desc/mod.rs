@@ -14,6 +14,7 @@ mod lookup;
 pub mod material;
 pub mod material_params;
 mod model;
+pub mod place;
 mod slot;
 mod view_window;
 
@@ -21,7 +22,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use glam::{Affine3A, DAffine3, DMat3, Vec2, Vec3, Vec4};
+use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3, Vec4};
 
 pub use camera::{
     CAMERA_KIND_NAMES, CAMERA_KINDS, CameraDesc, CameraKind, Optics, VIEW_HEIGHT_RANGE,
@@ -156,6 +157,28 @@ pub struct EntityDesc {
 }
 
 impl EntityDesc {
+    /// Returns the map from the stored positions of the shape to the world.
+    pub fn to_world(&self) -> DAffine3 {
+        self.after_origin(&self.transform)
+    }
+
+    /// Returns the map from the stored positions of the shape to the world of a scene near the
+    /// origin, whose frames are in single precision.
+    pub fn to_near_world(&self) -> DAffine3 {
+        self.after_origin(&self.transform.rounded())
+    }
+
+    /// Returns a transform after the step from the stored positions to the shape's own space.
+    fn after_origin(&self, transform: &Transform) -> DAffine3 {
+        let map = transform.to_world();
+        match &self.shape {
+            ShapeDesc::Mesh(mesh) if mesh.origin != DVec3::ZERO => {
+                map * DAffine3::from_translation(mesh.origin)
+            }
+            _ => map,
+        }
+    }
+
     /// Creates an entity that is not transformed and has the materials of its mesh.
     pub fn new(name: impl Into<String>, shape: ShapeDesc) -> EntityDesc {
         EntityDesc {
@@ -174,29 +197,29 @@ impl EntityDesc {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transform {
     /// Translation in scene units.
-    pub translate: Vec3,
+    pub translate: DVec3,
     /// Rotation about x, y and z in radians.
     pub rotate_rad: Vec3,
     /// Scale along x, y and z, applied after the rotation.
     pub scale: Vec3,
     /// Affine map applied last.
-    pub frame: Affine3A,
+    pub frame: DAffine3,
 }
 
 impl Default for Transform {
     fn default() -> Transform {
         Transform {
-            translate: Vec3::ZERO,
+            translate: DVec3::ZERO,
             rotate_rad: Vec3::ZERO,
             scale: Vec3::ONE,
-            frame: Affine3A::IDENTITY,
+            frame: DAffine3::IDENTITY,
         }
     }
 }
 
 impl Transform {
     /// Returns a transform that consists of an affine map alone.
-    pub fn framed(frame: Affine3A) -> Transform {
+    pub fn framed(frame: DAffine3) -> Transform {
         Transform {
             frame,
             ..Transform::default()
@@ -210,17 +233,25 @@ impl Transform {
         let rotation =
             DMat3::from_rotation_x(x) * DMat3::from_rotation_y(y) * DMat3::from_rotation_z(z);
         let linear = DMat3::from_diagonal(self.scale.as_dvec3()) * rotation;
-        let own = DAffine3::from_mat3_translation(linear, self.translate.as_dvec3());
-        DAffine3::from_mat3_translation(
-            self.frame.matrix3.as_dmat3(),
-            self.frame.translation.as_dvec3(),
-        ) * own
+        let own = DAffine3::from_mat3_translation(linear, self.translate);
+        self.frame * own
+    }
+
+    /// Returns the transform with a frame and a translation that single precision holds: that of
+    /// scenes near the origin.
+    pub fn rounded(&self) -> Transform {
+        Transform {
+            translate: self.translate.as_vec3().as_dvec3(),
+            frame: place::double(self.frame.as_affine3a()),
+            ..*self
+        }
     }
 
     /// Returns the factor by which the frame scales a sphere, or `None` if it would make it an
     /// ellipsoid.
     pub fn sphere_scale(&self) -> Option<f32> {
-        let [x, y, z] = self.frame.matrix3.to_cols_array_2d().map(Vec3::from);
+        let linear = self.frame.as_affine3a().matrix3;
+        let [x, y, z] = linear.to_cols_array_2d().map(Vec3::from);
         let scale = x.length();
         let same = |a: f32| (a - scale).abs() <= 1e-4 * scale;
         let square = |a: Vec3, b: Vec3| a.dot(b).abs() <= 1e-4 * scale * scale;
@@ -247,8 +278,11 @@ pub enum ShapeDesc {
 pub struct MeshDesc {
     /// File from which the mesh was read.
     pub file: PathBuf,
-    /// Vertex positions in the mesh's own space.
+    /// Vertex positions in the mesh's own space, relative to `origin`.
     pub positions: Vec<Vec3>,
+    /// Point of the mesh's own space from which positions count: zero, or a point of a mesh whose
+    /// file places it far from its own origin for its size.
+    pub origin: DVec3,
     /// Unit vertex normals, one per position, or empty for flat shading.
     pub normals: Vec<Vec3>,
     /// Texture coordinates, one per position, or empty.
@@ -271,6 +305,16 @@ pub struct MeshDesc {
     pub triangle_slot: Vec<u32>,
     /// blake3 hash of every field but `file`, stored so that a sweep hashes a mesh once.
     pub content_hash: [u8; 32],
+}
+
+impl MeshDesc {
+    /// Sets the positions to points in double precision. Those far from zero for their size count
+    /// from a point among them.
+    pub fn place(&mut self, points: &[DVec3]) {
+        self.origin = place::mesh_origin(points.iter().copied());
+        let relative = points.iter().map(|p| (*p - self.origin).as_vec3());
+        self.positions = relative.collect();
+    }
 }
 
 /// A decoded image file.

@@ -11,7 +11,7 @@ mod solid;
 
 use std::path::PathBuf;
 
-use glam::{Affine3A, Vec2, Vec3, Vec4};
+use glam::{Affine3A, DVec3, Vec2, Vec3, Vec4};
 
 pub use curve::{lathe, torus, tube};
 pub use extrusion::extrude;
@@ -236,6 +236,7 @@ impl Shape {
         let mut mesh = MeshDesc {
             file,
             positions: self.positions,
+            origin: DVec3::ZERO,
             normals: self.normals,
             uvs: self.uvs,
             second_uvs: self.second_uvs,

@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use glam::{Affine3A, Mat3, Quat, Vec2, Vec3};
+use glam::{Affine3A, DVec3, Mat3, Quat, Vec2, Vec3};
 use lumbre_light::film::Film;
 use lumbre_light::math::warp::uniform_sphere;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{NONE, Sharing, compile_sharing};
+use lumbre_light::scene::desc::place::double;
 use lumbre_light::scene::desc::{
     CameraDesc, EntityDesc, EnvironmentDesc, EnvironmentSource, MaterialDesc, MeshDesc, SceneDesc,
     ShapeDesc, TextureDesc, TextureSlot, Transform, mesh_hash,
@@ -86,10 +87,8 @@ pub fn random_transform(
         shear = Mat3::from_cols(Vec3::X, Vec3::new(0.3, 1.0, 0.0), Vec3::Z);
     }
     let linear = Mat3::from_quat(turn) * shear * Mat3::from_diagonal(scale);
-    Transform::framed(Affine3A::from_mat3_translation(
-        linear,
-        point(next) * spread,
-    ))
+    let frame = Affine3A::from_mat3_translation(linear, point(next) * spread);
+    Transform::framed(double(frame))
 }
 
 pub fn entity(
@@ -160,7 +159,7 @@ fn mixed_scene(seed: u32, count: u32) -> SceneDesc {
     );
     for i in 0..5 {
         let moved = Transform {
-            translate: point(&mut next) * 3.0,
+            translate: (point(&mut next) * 3.0).as_dvec3(),
             ..Transform::default()
         };
         entities.push(entity(
@@ -331,7 +330,7 @@ fn rays_that_leave_an_instance_do_not_hit_the_surface_that_they_left() {
         entity(
             format!("sheet {height}"),
             ShapeDesc::Mesh(Arc::clone(&sheet)),
-            Transform::framed(back),
+            Transform::framed(double(back)),
             None,
         )
     };
@@ -464,7 +463,7 @@ fn a_mask_makes_holes_in_the_instances_of_its_material_alone() {
     let names = ["solid", "hole", "solid", "hole"];
     let each = |(i, name): (usize, &str)| {
         let transform = Transform {
-            translate: 10.0 * i as f32 * Vec3::X,
+            translate: 10.0 * i as f64 * DVec3::X,
             ..Transform::default()
         };
         let shape = ShapeDesc::Mesh(Arc::clone(&triangle));

@@ -3,10 +3,11 @@
 
 use std::sync::Arc;
 
-use glam::{Affine3A, Quat, Vec3};
+use glam::{Affine3A, DVec3, Quat, Vec3};
 use lumbre_light::math::warp::uniform_sphere;
 use lumbre_light::scene::compile;
 use lumbre_light::scene::compile::{Sharing, compile_sharing};
+use lumbre_light::scene::desc::place::double;
 use lumbre_light::scene::desc::{MaterialDesc, SceneDesc, ShadingNormals, ShapeDesc, Transform};
 use lumbre_render::cpu::bvh::accel::Accel;
 
@@ -67,7 +68,7 @@ fn entities_that_cannot_share_a_mesh_are_not_instances() {
     };
     let plain = MaterialDesc::new("a");
     let at = |x: f32| Transform {
-        translate: Vec3::X * x,
+        translate: DVec3::X * f64::from(x),
         ..Transform::default()
     };
     let scaled = |x: f32, scale: Vec3| Transform { scale, ..at(x) };
@@ -137,7 +138,7 @@ fn entities_share_a_mesh_only_if_their_normals_are_alike() {
     let names = ["smooth", "smooth", "flat", "flat"];
     let each = |(i, name): (usize, &str)| {
         let transform = Transform {
-            translate: Vec3::X * i as f32,
+            translate: DVec3::X * i as f64,
             ..Transform::default()
         };
         let shape = ShapeDesc::Mesh(Arc::clone(&blob));
@@ -169,7 +170,7 @@ fn tangents_of_instances_equal_those_of_separate_meshes() {
         entity(
             format!("{i}"),
             ShapeDesc::Mesh(Arc::clone(&blob)),
-            Transform::framed(frame),
+            Transform::framed(double(frame)),
             None,
         )
     };

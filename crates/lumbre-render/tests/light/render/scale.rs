@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use lumbre_light::film::Film;
 use lumbre_light::scene::compile::{Material, NONE};
 use lumbre_light::scene::desc::{
@@ -90,17 +90,17 @@ fn pictures_are_the_same_in_any_unit() {
     }
 }
 
-/// Returns a room of quads and balls at a place: coordinates that single precision holds there.
-fn room_at(place: Vec3) -> SceneDesc {
-    let at = |p: [f32; 3]| Vec3::from_array(p) + place;
+/// Returns a room of quads and balls at a place, in double precision as loaders read it.
+fn room_at(place: DVec3) -> SceneDesc {
+    let at = |p: [f32; 3]| Vec3::from_array(p).as_dvec3() + place;
     let quad = |corners: [[f32; 3]; 4], slot: &str| {
         let mut mesh = MeshDesc {
-            positions: corners.map(at).to_vec(),
             triangles: vec![[0, 1, 2], [0, 2, 3]],
             slots: vec![slot.to_owned()],
             triangle_slot: vec![0; 2],
             ..MeshDesc::default()
         };
+        mesh.place(&corners.map(at));
         mesh.content_hash = mesh_hash(&mesh);
         EntityDesc::new(slot, ShapeDesc::Mesh(Arc::new(mesh)))
     };
@@ -134,10 +134,17 @@ fn room_at(place: Vec3) -> SceneDesc {
         emission: Vec3::splat(emission),
         ..MaterialDesc::new(name)
     };
+    let kind = LightKind::Point {
+        position: Vec3::ZERO,
+        intensity: Vec3::splat(0.4),
+    };
+    let mut point = LightDesc::new("point", kind);
+    point.place(at([1.25, 1.0, 1.5]));
     SceneDesc {
         resolution: [24, 24],
         max_depth: 5,
-        camera: CameraDesc::pinhole(at([0.25, 1.25, 3.5]), at([0.0, 0.75, 0.0]), 50.0),
+        camera: CameraDesc::pinhole(Vec3::ZERO, Vec3::Z, 50.0)
+            .placed(at([0.25, 1.25, 3.5]), at([0.0, 0.75, 0.0])),
         materials: vec![
             material("floor", 0.0),
             material("wall", 0.0),
@@ -152,22 +159,15 @@ fn room_at(place: Vec3) -> SceneDesc {
         ]
         .into_iter()
         .collect(),
-        lights: vec![LightDesc {
-            name: "point".to_owned(),
-            kind: LightKind::Point {
-                position: at([1.25, 1.0, 1.5]),
-                intensity: Vec3::splat(0.4),
-            },
-        }],
+        lights: vec![point],
         ..SceneDesc::default()
     }
 }
 
-/// Places that are sums of powers of two, where all coordinates of the room are exact, so that every
-/// technique should see the same room.
+/// Places where single precision holds all coordinates of the room, and places where it holds none.
 #[test]
 fn pictures_are_the_same_at_any_place() {
-    let render_at = |row: &'static IntegratorRow, place: Vec3| {
+    let render_at = |row: &'static IntegratorRow, place: DVec3| {
         let (scene, notes) = compile(&room_at(place)).unwrap();
         assert!(notes.is_empty(), "{notes:?}");
         let mut job = job([24, 24], 5, 3);
@@ -176,11 +176,12 @@ fn pictures_are_the_same_at_any_place() {
     };
     for row in INTEGRATORS {
         let mean = |film: &Film| film.sum.iter().map(|s| s[1]).sum::<f64>();
-        let expected = mean(&render_at(row, Vec3::ZERO));
+        let expected = mean(&render_at(row, DVec3::ZERO));
         for place in [
-            Vec3::X * 32.0,
-            Vec3::X * 64.0,
-            Vec3::new(1024.0, -512.0, 2048.0),
+            DVec3::X * 32.0,
+            DVec3::X * 64.0,
+            DVec3::new(1024.0, -512.0, 2048.0),
+            DVec3::new(1234567.89, -765432.1, 4321098.7),
         ] {
             let ratio = mean(&render_at(row, place)) / expected;
             assert!(

@@ -225,7 +225,8 @@ fn octahedra(mesh: Arc<MeshDesc>, kind: ShadingNormals, maps: bool, count: u32) 
     let entity = |i: u32| EntityDesc {
         name: format!("e{i}"),
         transform: Transform {
-            translate: Vec3::new(2.2 * (i % 2) as f32 - 1.1, 2.2 * (i / 2) as f32 - 1.1, 0.0),
+            translate: Vec3::new(2.2 * (i % 2) as f32 - 1.1, 2.2 * (i / 2) as f32 - 1.1, 0.0)
+                .as_dvec3(),
             ..Transform::default()
         },
         material: Some(if i.is_multiple_of(2) { "m" } else { "other" }.to_owned()),

@@ -59,7 +59,8 @@ struct PbrtWriter<'a> {
 /// Fails if the folder or a file cannot be written, or if a sphere's transform makes it an
 /// ellipsoid.
 pub fn pbrt(desc: &SceneDesc, folder: &Path) -> Result<Exported, SceneError> {
-    let desc = &*uses::with_resolved_choices(desc);
+    let (desc, moved) = uses::prepared(desc);
+    let desc = &*desc;
     let mut writer = PbrtWriter {
         desc,
         uses: MeshUses::new(desc),
@@ -70,7 +71,7 @@ pub fn pbrt(desc: &SceneDesc, folder: &Path) -> Result<Exported, SceneError> {
         ids: UniqueNames::default(),
         surfaces: Vec::new(),
         objects: BTreeMap::new(),
-        notes: Vec::new(),
+        notes: moved.into_iter().collect(),
     };
     writer.picture();
     writer.text.line("WorldBegin");
@@ -206,7 +207,7 @@ impl PbrtWriter<'_> {
                 ShapeDesc::Sphere { radius } => self.sphere(entity, *radius)?,
                 ShapeDesc::Mesh(mesh) => {
                     let key = self.uses.key(entity, mesh);
-                    let map = entity.transform.to_world();
+                    let map = entity.to_near_world();
                     let emits = key.1.iter().any(|row| self.surfaces[*row].light.is_some());
                     let stem = identifier(&entity.name);
                     if self.uses.is_shared(&key) && !emits {

@@ -179,10 +179,8 @@ impl FolderLoader<'_> {
         }
         let mut lights = Vec::new();
         for (place, json) in root.list("pointlights", self.diagnostics)? {
-            lights.push(LightDesc {
-                name: names.allocate("point"),
-                kind: self.point(&place, json)?,
-            });
+            let kind = self.point(&place, json)?;
+            lights.push(LightDesc::new(names.allocate("point"), kind));
         }
         let environment = match root.get("hdri") {
             Some((place, json)) => self.environment(&place, json)?,

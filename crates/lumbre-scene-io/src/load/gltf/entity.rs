@@ -107,7 +107,7 @@ impl GltfLoader<'_> {
     fn push_entity(&mut self, name: &Json, shape: Arc<MeshDesc>, world: DAffine3) {
         let name = self.name(name, "mesh");
         self.entities.push(EntityDesc {
-            transform: Transform::framed(world.as_affine3a()),
+            transform: Transform::framed(world),
             ..EntityDesc::new(name, ShapeDesc::Mesh(shape))
         });
     }

@@ -304,14 +304,13 @@ impl GltfLoader<'_> {
             return Ok(());
         };
         let axis = |v: DVec3| world.transform_vector3(v).normalize_or(v).as_vec3();
-        let position = world.translation.as_vec3();
-        let forward = axis(DVec3::NEG_Z);
-        let target = default_scene::distant_target(world.translation, forward.as_dvec3());
+        let (position, forward) = (world.translation, axis(DVec3::NEG_Z));
+        // Near the origin the target is a sum in single precision.
+        let near = || (position.as_vec3() + forward).as_dvec3();
+        let target = default_scene::distant_target(position, forward.as_dvec3());
         self.camera = Some(CameraDesc {
-            position,
-            target: target.unwrap_or(position + forward),
             up: axis(DVec3::Y),
-            ..view
+            ..view.placed(position, target.unwrap_or_else(near))
         });
         Ok(())
     }
@@ -390,7 +389,9 @@ impl GltfLoader<'_> {
             }
         };
         let name = self.name(&light["name"], "light");
-        self.lights.push(LightDesc { name, kind });
+        let mut light = LightDesc::new(name, kind);
+        light.place(world.translation);
+        self.lights.push(light);
         Ok(())
     }
 }

@@ -12,8 +12,8 @@ use super::texture::{self, TextureReader};
 use super::tree::XmlObject;
 use crate::load::environment::{FINE_ROWS, MAX_HEIGHT, MIN_HEIGHT, bilinear, resampled};
 use lumbre_light::scene::desc::{
-    ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightKind, MaterialDesc, TextureDesc,
-    TextureSlot,
+    ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, MaterialDesc,
+    TextureDesc, TextureSlot,
 };
 use lumbre_light::scene::{Note, SceneError};
 
@@ -21,8 +21,8 @@ use lumbre_light::scene::{Note, SceneError};
 pub(super) enum SceneLight {
     /// Light that surrounds the scene.
     Environment(EnvironmentDesc),
-    /// A point, spot or directional light.
-    Light(LightKind),
+    /// A point, spot or directional light, still without a name.
+    Light(LightDesc),
 }
 
 /// Sets the emission of a material to that of an area light.
@@ -74,29 +74,32 @@ pub(super) fn read(
         "point" => {
             let position = match o.vector("position")? {
                 Some(position) => position,
-                None => o.transform("to_world")?.translation.as_vec3(),
+                None => o.transform("to_world")?.translation,
             };
-            Ok(Some(SceneLight::Light(LightKind::Point {
-                position,
+            let kind = LightKind::Point {
+                position: position.as_vec3(),
                 intensity: radiometric_color(o, "intensity")?,
-            })))
+            };
+            Ok(Some(placed(kind, position)))
         }
-        "spot" => spot(o, notes).map(|kind| Some(SceneLight::Light(kind))),
+        "spot" => {
+            let kind = spot(o, notes)?;
+            Ok(Some(placed(kind, o.transform("to_world")?.translation)))
+        }
         "directional" => {
             let direction = match o.vector("direction")? {
                 Some(direction) => direction,
-                None => o
-                    .transform("to_world")?
-                    .transform_vector3(DVec3::Z)
-                    .as_vec3(),
+                None => o.transform("to_world")?.transform_vector3(DVec3::Z),
             };
+            let direction = direction.as_vec3();
             if direction.try_normalize().is_none() {
                 return Err(o.error("a `direction` must have a length above 0"));
             }
-            Ok(Some(SceneLight::Light(LightKind::Directional {
+            let kind = LightKind::Directional {
                 direction,
                 irradiance: radiometric_color(o, "irradiance")?,
-            })))
+            };
+            Ok(Some(placed(kind, DVec3::ZERO)))
         }
         other => {
             let shown = super::values::truncated(other);
@@ -105,6 +108,13 @@ pub(super) fn read(
             Ok(None)
         }
     }
+}
+
+/// Returns a light without a name at a position.
+fn placed(kind: LightKind, position: DVec3) -> SceneLight {
+    let mut light = LightDesc::new("", kind);
+    light.place(position);
+    SceneLight::Light(light)
 }
 
 /// Reads an environment map; `None` if its image cannot be read and the policy allows it.

@@ -330,7 +330,7 @@ impl MitsubaLoader {
         };
         self.entities.push(EntityDesc {
             name,
-            transform: Transform::framed((*parent * transform).as_affine3a()),
+            transform: Transform::framed(*parent * transform),
             material,
             anisotropic_direction: None,
             shape,
@@ -480,9 +480,9 @@ impl MitsubaLoader {
                 self.notes
                     .push(o.note("only the first environment is used; this one is ignored"));
             }
-            Some(emitter::SceneLight::Light(kind)) => {
-                let name = self.names.allocate(o.id.as_deref().unwrap_or(&o.plugin));
-                self.lights.push(LightDesc { name, kind });
+            Some(emitter::SceneLight::Light(mut light)) => {
+                light.name = self.names.allocate(o.id.as_deref().unwrap_or(&o.plugin));
+                self.lights.push(light);
             }
             None => {}
         }

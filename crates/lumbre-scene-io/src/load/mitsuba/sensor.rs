@@ -49,10 +49,8 @@ pub(super) fn read(
     };
     let mut camera = CameraDesc {
         kind,
-        position: position.as_vec3(),
-        target: default_scene::target(position, forward),
         up: up.as_vec3(),
-        ..CameraDesc::default()
+        ..CameraDesc::default().placed(position, default_scene::target(position, forward))
     };
     camera.window = film.window(principal_point_offset(o, kind, thin)?);
     if let Some(problem) = camera.window.problem() {

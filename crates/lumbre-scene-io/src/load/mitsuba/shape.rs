@@ -15,6 +15,7 @@ use super::values;
 use crate::load::default_scene;
 use crate::load::obj::{Front, Smoothing};
 use crate::load::{canonical, obj, ply};
+use lumbre_light::scene::desc::place::mesh_origin;
 use lumbre_light::scene::desc::{MeshDesc, ShapeDesc, Transform, mesh_hash};
 use lumbre_light::scene::shape::Shape;
 use lumbre_light::scene::{Note, SceneError};
@@ -116,10 +117,13 @@ impl MeshLoader {
             "cube" => self.generate(o, ("cube", none, flipped), transform, &|| Ok(cube())),
             "disk" => self.generate(o, ("disk", none, flipped), transform, &|| Ok(disk())),
             "cylinder" => {
-                let (p0, p1) = (
-                    o.vector("p0")?.unwrap_or(Vec3::ZERO),
-                    o.vector("p1")?.unwrap_or(Vec3::Z),
-                );
+                let ends = [
+                    o.vector("p0")?.unwrap_or(DVec3::ZERO),
+                    o.vector("p1")?.unwrap_or(DVec3::Z),
+                ];
+                let origin = mesh_origin(ends);
+                let [p0, p1] = ends.map(|p| (p - origin).as_vec3());
+                let transform = transform * DAffine3::from_translation(origin);
                 let radius = o.number("radius", 1.0)? as f32;
                 if p0 == p1 || radius <= 0.0 {
                     return Err(o.error("a cylinder needs a length and a positive radius"));
@@ -179,15 +183,14 @@ impl MeshLoader {
         notes: &mut Vec<Note>,
     ) -> Result<Option<TransformedShape>, SceneError> {
         let radius = o.number("radius", 1.0)? as f32;
-        let center = o.vector("center")?.unwrap_or(Vec3::ZERO);
+        let center = o.vector("center")?.unwrap_or(DVec3::ZERO);
         if radius <= 0.0 || !radius.is_finite() {
             return Err(o.error(format!("a sphere needs a positive radius, found {radius}")));
         }
         // Mitsuba 3 turns a sphere inside out if its transform mirrors it.
         let flipped = flipped != (transform.matrix3.determinant() < 0.0);
-        let transform = transform * DAffine3::from_translation(center.as_dvec3());
-        let frame = transform.as_affine3a();
-        let round = Transform::framed(frame).sphere_scale().is_some();
+        let transform = transform * DAffine3::from_translation(center);
+        let round = Transform::framed(transform).sphere_scale().is_some();
         if round && !flipped && !oriented {
             return Ok(Some(TransformedShape {
                 shape: ShapeDesc::Sphere { radius },

@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-use glam::{DAffine3, Vec3};
+use glam::{DAffine3, DVec3, Vec3};
 
 pub(super) use self::reader::scene;
 
@@ -29,7 +29,7 @@ pub(super) enum PropertyValue {
     /// An `rgb` or `spectrum` element, in linear sRGB.
     Color(Vec3),
     /// A `point` or `vector` element.
-    Vector(Vec3),
+    Vector(DVec3),
     /// A `transform` element.
     Map(DAffine3),
 }
@@ -182,7 +182,7 @@ impl XmlObject {
     }
 
     /// Returns a point or vector, if the property is present.
-    pub fn vector(&self, name: &str) -> Result<Option<Vec3>, SceneError> {
+    pub fn vector(&self, name: &str) -> Result<Option<DVec3>, SceneError> {
         match self.property(name) {
             None => Ok(None),
             Some(Property::Value(PropertyValue::Vector(v))) => Ok(Some(*v)),

@@ -51,10 +51,10 @@ pub(super) fn numbers(text: &str) -> Result<Vec<f64>, String> {
 }
 
 /// Parses a vector: three numbers, or one for all components.
-pub(super) fn vector(text: &str) -> Result<Vec3, String> {
+pub(super) fn vector(text: &str) -> Result<DVec3, String> {
     match numbers(text)?.as_slice() {
-        [x, y, z] => Ok(DVec3::new(*x, *y, *z).as_vec3()),
-        [x] => Ok(Vec3::splat(*x as f32)),
+        [x, y, z] => Ok(DVec3::new(*x, *y, *z)),
+        [x] => Ok(DVec3::splat(*x)),
         other => Err(format!("expected 3 numbers, found {}", other.len())),
     }
 }
@@ -75,7 +75,7 @@ pub(super) fn color(text: &str) -> Result<Vec3, String> {
         let channel = |shift: u32| Curve::Srgb.decode((bits >> shift) as u8);
         return Ok(Vec3::new(channel(16), channel(8), channel(0)));
     }
-    finite(vector(text)?)
+    finite(vector(text)?.as_vec3())
 }
 
 /// Parses a colour in sRGB: one number or three from 0 to 1, or `#rrggbb`.
@@ -176,8 +176,7 @@ pub(super) fn matrix(text: &str) -> Result<DAffine3, String> {
 
 /// Returns the map to the world from a camera space that looks along +z with +y up and +x to the
 /// left.
-pub(super) fn look_at(origin: Vec3, target: Vec3, up: Vec3) -> Result<DAffine3, String> {
-    let (origin, target, up) = (origin.as_dvec3(), target.as_dvec3(), up.as_dvec3());
+pub(super) fn look_at(origin: DVec3, target: DVec3, up: DVec3) -> Result<DAffine3, String> {
     let forward = (target - origin)
         .try_normalize()
         .ok_or("origin and target are the same point")?;

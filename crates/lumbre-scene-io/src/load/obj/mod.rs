@@ -204,6 +204,7 @@ fn load_with_libraries(
         slots_by_name: BTreeMap::new(),
         mesh: MeshDesc {
             file: path.to_owned(),
+            origin: checked.origin,
             ..MeshDesc::default()
         },
     };

@@ -12,6 +12,7 @@ mod smoothing;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
+use std::str::FromStr;
 
 use glam::{DVec3, Vec3};
 
@@ -20,6 +21,7 @@ use super::supported::NotedKeywords;
 use crate::load::polygon::Triangulator;
 use lumbre_light::scene::compile::srgb_to_linear;
 use lumbre_light::scene::desc::MAX_COORDINATE;
+use lumbre_light::scene::desc::place::mesh_origin;
 
 /// Meaning of smoothing groups (`s`) for faces without normals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -53,6 +55,8 @@ pub(super) struct CheckedObj {
     pub vertices: String,
     /// Faces in the plain subset; the name of each object is an index into `groups`.
     pub faces: String,
+    /// Point from which the positions count.
+    pub origin: DVec3,
     /// Every face group in the file, in order of appearance.
     pub groups: Vec<FaceGroup>,
     /// Arguments of `mtllib` in order, each once.
@@ -145,7 +149,7 @@ struct Checker {
     /// Texture coordinates and normals in the plain subset.
     vertices: String,
     faces: String,
-    positions: Vec<Vec3>,
+    positions: Vec<DVec3>,
     /// Colours as written, one per position, or empty as long as no position has one.
     colors: Vec<Vec3>,
     groups: Vec<FaceGroup>,
@@ -277,9 +281,9 @@ impl Checker {
         }
         let mut p = [0.0; 3];
         for (x, word) in p.iter_mut().zip(&words) {
-            *x = float(word)?;
+            *x = double(word)?;
         }
-        if !p.iter().all(|x| x.abs() <= MAX_COORDINATE) {
+        if !p.iter().all(|x| x.abs() <= f64::from(MAX_COORDINATE)) {
             return Err(format!(
                 "the vertex ({}) is not finite, or exceeds the greatest coordinate \
                  {MAX_COORDINATE:e}",
@@ -292,7 +296,7 @@ impl Checker {
             self.colors.push(Vec3::ONE);
         }
         self.read[0] += 1;
-        self.positions.push(Vec3::from_array(p));
+        self.positions.push(DVec3::from_array(p));
         Ok(())
     }
 
@@ -314,15 +318,15 @@ impl Checker {
         Ok(())
     }
 
-    /// Appends the positions, in linear colours if any has one. Colours are in sRGB, as programs
+    /// Appends positions, in linear colours if any has one. Colours are in sRGB, as programs
     /// that paint and scan meshes write them.
-    fn write_positions(&self, text: &mut String) {
+    fn write_positions(&self, positions: &[Vec3], text: &mut String) {
         let most = if self.counts[Problem::ByteColors as usize].0 > 0 {
             255.0
         } else {
             1.0
         };
-        for (i, p) in self.positions.iter().enumerate() {
+        for (i, p) in positions.iter().enumerate() {
             match self.colors.get(i) {
                 Some(color) => {
                     let linear = (*color / most)
@@ -502,7 +506,7 @@ impl Checker {
 
     /// Returns the triangles of a concave polygon; `None` for others, which `tobj` triangulates.
     fn ears(&mut self, polygon: &[usize]) -> Option<Vec<[usize; 3]>> {
-        let at = |i: &usize| self.positions.get(*i).map(|p| p.as_dvec3());
+        let at = |i: &usize| self.positions.get(*i).copied();
         let points: Vec<DVec3> = polygon.iter().map(at).collect::<Option<_>>()?;
         let fans = self.triangulator.fans;
         let ears = self.triangulator.ears(&points);
@@ -515,9 +519,12 @@ impl Checker {
     /// Returns the result with all notes.
     fn finish(mut self) -> CheckedObj {
         let mut vertices = String::new();
-        self.write_positions(&mut vertices);
+        let origin = mesh_origin(self.positions.iter().copied());
+        let relative = self.positions.iter().map(|p| (*p - origin).as_vec3());
+        let positions: Vec<Vec3> = relative.collect();
+        self.write_positions(&positions, &mut vertices);
         vertices.push_str(&std::mem::take(&mut self.vertices));
-        for n in self.smooth.normals(&self.positions) {
+        for n in self.smooth.normals(&positions) {
             push_numbers(&mut vertices, "vn", &n.to_array());
         }
         for ((n, line), message) in self.counts.into_iter().zip(PROBLEMS) {
@@ -540,6 +547,7 @@ impl Checker {
         CheckedObj {
             vertices,
             faces,
+            origin,
             groups,
             libraries,
             notes,
@@ -547,8 +555,18 @@ impl Checker {
     }
 }
 
-/// Parses a number.
+/// Parses a number in single precision.
 fn float(word: &str) -> Result<f32, String> {
+    parsed(word)
+}
+
+/// Parses a number in double precision.
+fn double(word: &str) -> Result<f64, String> {
+    parsed(word)
+}
+
+/// Parses a number.
+fn parsed<T: FromStr>(word: &str) -> Result<T, String> {
     word.parse().map_err(|_| {
         let shown: String = word.chars().take(24).collect();
         format!("`{shown}` is not a number")

@@ -194,10 +194,8 @@ pub(super) fn read(
     }
     let position = to_world.translation;
     let towards = |direction: DVec3| CameraDesc {
-        position: position.as_vec3(),
-        target: default_scene::target(position, direction),
         up: up.as_vec3(),
-        ..CameraDesc::default()
+        ..CameraDesc::default().placed(position, default_scene::target(position, direction))
     };
     let camera = match class {
         "perspective" => perspective(params, scale, film, towards(forward), notes)?,

@@ -34,8 +34,8 @@ pub(super) struct AreaSource {
 pub(super) enum SceneLight {
     /// Light that surrounds the scene.
     Environment(EnvironmentDesc),
-    /// A point, spot or directional light.
-    Light(LightKind),
+    /// A point, spot or directional light, and its position.
+    Light(LightKind, DVec3),
 }
 
 /// Reader of lights.
@@ -181,11 +181,14 @@ impl LightReader<'_> {
         to_world: &DAffine3,
     ) -> Result<Option<SceneLight>, SceneError> {
         params.mark_read(&["samples", "nsamples"]);
+        let from = to_world.transform_point3(params.point("from", DVec3::ZERO)?);
         let light = match class {
-            "point" => SceneLight::Light(self.point(params, to_world)?),
-            "spot" => SceneLight::Light(self.spot(params, to_world)?),
-            "goniometric" => SceneLight::Light(self.goniometric(params, to_world)?),
-            "distant" => SceneLight::Light(self.distant(params, to_world)?),
+            "point" => SceneLight::Light(self.point(params, to_world)?, from),
+            "spot" => SceneLight::Light(self.spot(params, to_world)?, from),
+            "goniometric" => {
+                SceneLight::Light(self.goniometric(params, to_world)?, to_world.translation)
+            }
+            "distant" => SceneLight::Light(self.distant(params, to_world)?, from),
             "infinite" | "exinfinite" => match self.infinite(params, to_world)? {
                 Some(environment) => SceneLight::Environment(environment),
                 None => return Ok(None),

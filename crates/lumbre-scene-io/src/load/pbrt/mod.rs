@@ -369,8 +369,8 @@ impl Loader {
                 self.max_entities
             )));
         }
-        let frame = (self.world * *to_world * s.to_object).as_affine3a();
-        if !frame.is_finite() {
+        let frame = self.world * *to_world * s.to_object;
+        if !frame.as_affine3a().is_finite() {
             return Err(params.error("the transform is not finite in single precision"));
         }
         let name = self.names.allocate(&s.stem);
@@ -418,9 +418,10 @@ impl Loader {
         };
         match reader.read(class, params, &to_world)? {
             Some(SceneLight::Environment(environment)) => self.environment = Some(environment),
-            Some(SceneLight::Light(kind)) => {
-                let name = self.names.allocate(class);
-                self.lights.push(LightDesc { name, kind });
+            Some(SceneLight::Light(kind, position)) => {
+                let mut light = LightDesc::new(self.names.allocate(class), kind);
+                light.place(position);
+                self.lights.push(light);
             }
             None => {}
         }

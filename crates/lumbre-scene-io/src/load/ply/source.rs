@@ -103,6 +103,15 @@ impl<'a> NumberStream<'a> {
         }
     }
 
+    /// Returns whether numbers of this type may have more digits than single precision.
+    pub(super) fn is_precise(&self, ty: NumberType) -> bool {
+        match ty {
+            NumberType::F64 => true,
+            NumberType::F32 => self.encoding == Encoding::Ascii,
+            _ => false,
+        }
+    }
+
     /// Reads the next number.
     pub(super) fn number(&mut self, ty: NumberType) -> Result<f64, String> {
         if self.encoding == Encoding::Ascii {

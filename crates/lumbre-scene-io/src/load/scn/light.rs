@@ -37,9 +37,10 @@ pub(super) fn read(
     let missing = |key: &str, diagnostics: &Diagnostics| {
         diagnostics.error(place, format!("a {what} light needs `{key}`"))
     };
-    let vector = object
-        .vec3(vector_key, diagnostics)?
+    let point = object
+        .point(vector_key, diagnostics)?
         .ok_or_else(|| missing(vector_key, diagnostics))?;
+    let vector = point.as_vec3();
     let color = color(color_key, &mut object, diagnostics)?
         .ok_or_else(|| missing(color_key, diagnostics))?;
     let kind = match what {
@@ -84,10 +85,10 @@ pub(super) fn read(
             .chain(["direction", "cutoff", "beam", "map", "rotation"]),
         diagnostics,
     );
-    Ok(LightDesc {
-        name: super::unique_name(names, given.as_deref(), what, place, diagnostics),
-        kind,
-    })
+    let name = super::unique_name(names, given.as_deref(), what, place, diagnostics);
+    let mut light = LightDesc::new(name, kind);
+    light.place(point);
+    Ok(light)
 }
 
 /// Returns the keys of vector and colour that a type of light needs, or `None` for an unknown type.

@@ -35,7 +35,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde_json::Value as Json;
 
 use self::material::TextureFiles;
@@ -224,10 +224,12 @@ fn camera(
     diagnostics: &mut Diagnostics,
 ) -> Result<CameraDesc, SceneError> {
     let mut object = JsonObject::new(place, json, diagnostics)?;
-    let position = object.vec3("position", diagnostics)?.unwrap_or(Vec3::ZERO);
+    let position = object
+        .point("position", diagnostics)?
+        .unwrap_or(DVec3::ZERO);
     let target = object
-        .vec3("lookat", diagnostics)?
-        .unwrap_or(Vec3::new(0.0, 0.0, 2.0));
+        .point("lookat", diagnostics)?
+        .unwrap_or(DVec3::new(0.0, 0.0, 2.0));
     let fov = object.number("fov", diagnostics)?;
     let has_fov = fov.is_some();
     let mut fov_deg = DEFAULT_FOV_DEG;
@@ -260,12 +262,10 @@ fn camera(
         ));
     }
     let camera = CameraDesc {
-        position,
-        target,
         up: Vec3::Y,
         focus_distance,
         optics: optics.with_fov_deg(fov_deg as f32),
-        ..CameraDesc::default()
+        ..CameraDesc::default().placed(position, target)
     };
     if camera.lacks_focal_length() {
         return Err(diagnostics.error(
@@ -459,7 +459,9 @@ impl EntityReader {
 /// Reads the transform of an entity.
 fn transform(object: &mut JsonObject, diagnostics: &Diagnostics) -> Result<Transform, SceneError> {
     Ok(Transform {
-        translate: object.vec3("position", diagnostics)?.unwrap_or(Vec3::ZERO),
+        translate: object
+            .point("position", diagnostics)?
+            .unwrap_or(DVec3::ZERO),
         rotate_rad: object.vec3("rotation", diagnostics)?.unwrap_or(Vec3::ZERO),
         scale: object.vec3("scale", diagnostics)?.unwrap_or(Vec3::ONE),
         ..Transform::default()

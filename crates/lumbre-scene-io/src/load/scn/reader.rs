@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde_json::Value as Json;
 
 use crate::load::MissingTextures;
@@ -189,6 +189,15 @@ impl<'a> JsonObject<'a> {
         key: &str,
         diagnostics: &Diagnostics,
     ) -> Result<Option<Vec3>, SceneError> {
+        Ok(self.point(key, diagnostics)?.map(|p| p.as_vec3()))
+    }
+
+    /// Returns what [`JsonObject::vec3`] returns, in double precision.
+    pub fn point(
+        &mut self,
+        key: &str,
+        diagnostics: &Diagnostics,
+    ) -> Result<Option<DVec3>, SceneError> {
         let Some((path, json)) = self.get(key) else {
             return Ok(None);
         };
@@ -204,7 +213,7 @@ impl<'a> JsonObject<'a> {
                 ),
             ));
         }
-        Ok(Some(Vec3::new(x as f32, y as f32, z as f32)))
+        Ok(Some(DVec3::new(x, y, z)))
     }
 }
 

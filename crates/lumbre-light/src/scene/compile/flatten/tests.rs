@@ -1,7 +1,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use glam::Affine3A;
+use glam::{DAffine3, DVec3};
 
 use super::super::mesh::area_and_front;
 use super::*;
@@ -61,7 +61,7 @@ fn front(c: &CompiledScene, i: usize) -> Vec3 {
 #[test]
 fn mirrored_and_rotated_meshes_keep_their_front_and_normals() {
     let turn = |scale: [f32; 3], rotate: [f32; 3]| Transform {
-        translate: Vec3::ONE,
+        translate: DVec3::ONE,
         rotate_rad: Vec3::from_array(rotate),
         scale: Vec3::from_array(scale),
         ..Transform::default()
@@ -93,10 +93,10 @@ fn mirrored_and_rotated_meshes_keep_their_front_and_normals() {
 
 #[test]
 fn a_frame_comes_after_everything_else() {
-    let frame = Affine3A::from_rotation_y(std::f32::consts::FRAC_PI_2)
-        * Affine3A::from_scale(Vec3::splat(2.0));
+    let frame = DAffine3::from_rotation_y(std::f64::consts::FRAC_PI_2)
+        * DAffine3::from_scale(DVec3::splat(2.0));
     let moved = Transform {
-        translate: Vec3::X,
+        translate: DVec3::X,
         ..Transform::framed(frame)
     };
     let ball = ShapeDesc::Sphere { radius: 0.5 };
@@ -115,7 +115,7 @@ fn a_frame_comes_after_everything_else() {
         (c.spheres[0].center - Vec3::new(0.0, 0.0, -2.0)).length() < 1e-6
             && c.spheres[0].radius == 1.0
     );
-    let stretched = Transform::framed(Affine3A::from_scale(Vec3::new(1.0, 2.0, 1.0)));
+    let stretched = Transform::framed(DAffine3::from_scale(DVec3::new(1.0, 2.0, 1.0)));
     let e = compile(&scene(vec![(ball, stretched)], light()))
         .unwrap_err()
         .to_string();
@@ -325,7 +325,7 @@ fn inconsistent_meshes_and_far_points_are_errors() {
         assert!(e.contains("m.obj: entities.e0"), "{e}");
     }
     let far = Transform {
-        translate: Vec3::X * 1e13,
+        translate: DVec3::X * 1e13,
         ..Transform::default()
     };
     assert!(compile(&scene(vec![(triangle(), far)], light())).is_err());
@@ -347,20 +347,27 @@ fn inconsistent_meshes_and_far_points_are_errors() {
 
 #[test]
 fn scenes_too_small_or_too_far_for_single_precision_are_noted() {
-    let notes = |scale: f32, offset: f32| {
+    let notes = |shape: ShapeDesc, scale: f32, offset: f32| {
         let placed = Transform {
             scale: Vec3::splat(scale),
-            translate: Vec3::Z * offset,
+            translate: DVec3::Z * f64::from(offset),
             ..Transform::default()
         };
-        let (_, notes) = compile(&scene(vec![(triangle(), placed)], light())).unwrap();
+        let (_, notes) = compile(&scene(vec![(shape, placed)], light())).unwrap();
         let messages: Vec<String> = notes.into_iter().map(|n| n.message).collect();
         messages.join("\n")
     };
-    assert_eq!(notes(1.0, 0.0), "");
-    assert_eq!(notes(1.0, 500.0), "");
-    assert_eq!(notes(1e6, 1e6), "");
-    assert_eq!(notes(1e-5, 0.0), "");
-    assert!(notes(1e-8, 0.0).contains("measures only 1.414e-8"));
-    assert!(notes(1.0, 1e5).contains("1.000e5 from the origin"));
+    for (scale, offset) in [
+        (1.0, 0.0),
+        (1.0, 500.0),
+        (1e6, 1e6),
+        (1e-5, 0.0),
+        (1.0, 1e5),
+    ] {
+        assert_eq!(notes(triangle(), scale, offset), "");
+    }
+    assert!(notes(triangle(), 1e-8, 0.0).contains("measures only 1.414e-8"));
+    let far = [Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| p + Vec3::Z * 1e5);
+    let far = ShapeDesc::Mesh(mesh(far.to_vec(), vec![], vec![[0, 1, 2]]));
+    assert!(notes(far, 1.0, 0.0).contains("1.000e5 from the origin"));
 }

@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-use glam::{DAffine3, Vec3};
+use glam::{DAffine3, DVec3};
 use roxmltree::Node;
 
 use super::references::{Draft, DraftProperty, Drafts, MAX_DEPTH, Reference};
@@ -334,7 +334,7 @@ impl XmlReader<'_> {
                 };
                 PropertyValue::Color(spectrum.color(emits).map_err(fail)?)
             }
-            "point" | "vector" => PropertyValue::Vector(self.vector(element, Vec3::ZERO)?),
+            "point" | "vector" => PropertyValue::Vector(self.vector(element, DVec3::ZERO)?),
             "transform" => {
                 let mut map = DAffine3::IDENTITY;
                 for child in element.node.children().filter(Node::is_element) {
@@ -468,7 +468,7 @@ impl XmlReader<'_> {
     /// Returns a rotation. By an angle of 0 it needs no axis.
     fn rotation(&mut self, element: &Element) -> Result<DAffine3, SceneError> {
         let fail = |problem: String| element.error(problem);
-        let axis = self.vector(element, Vec3::ZERO)?.as_dvec3();
+        let axis = self.vector(element, DVec3::ZERO)?;
         let degrees = values::number(&self.required(element, "angle")?).map_err(fail)?;
         if degrees == 0.0 {
             return Ok(DAffine3::IDENTITY);
@@ -493,10 +493,8 @@ impl XmlReader<'_> {
         // Version 0.6 accepts `lookAt` and `lookat`.
         Ok(
             match values::snake_case(element.node.tag_name().name()).as_str() {
-                "translate" => {
-                    DAffine3::from_translation(self.vector(element, Vec3::ZERO)?.as_dvec3())
-                }
-                "scale" => DAffine3::from_scale(self.vector(element, Vec3::ONE)?.as_dvec3()),
+                "translate" => DAffine3::from_translation(self.vector(element, DVec3::ZERO)?),
+                "scale" => DAffine3::from_scale(self.vector(element, DVec3::ONE)?),
                 "rotate" => self.rotation(element)?,
                 "matrix" => values::matrix(&self.required(element, "value")?).map_err(fail)?,
                 "lookat" | "look_at" => {
@@ -505,7 +503,7 @@ impl XmlReader<'_> {
                     let up = if element.node.attribute("up").is_some() {
                         read("up")?
                     } else {
-                        Vec3::Y
+                        DVec3::Y
                     };
                     values::look_at(read("origin")?, read("target")?, up).map_err(fail)?
                 }
@@ -520,7 +518,7 @@ impl XmlReader<'_> {
     }
 
     /// Reads a vector from `value`, or from `x`, `y` and `z`.
-    fn vector(&self, element: &Element, default: Vec3) -> Result<Vec3, SceneError> {
+    fn vector(&self, element: &Element, default: DVec3) -> Result<DVec3, SceneError> {
         let fail = |problem: String| element.error(problem);
         if let Some(all) = self.attribute(element, "value")? {
             return values::vector(&all).map_err(fail);
@@ -528,7 +526,7 @@ impl XmlReader<'_> {
         let mut v = default;
         for (i, axis) in ["x", "y", "z"].into_iter().enumerate() {
             if let Some(text) = self.attribute(element, axis)? {
-                v[i] = values::number(&text).map_err(fail)? as f32;
+                v[i] = values::number(&text).map_err(fail)?;
             }
         }
         Ok(v)

@@ -172,9 +172,7 @@ impl ShapeLoader {
         if low == high || turn == 0.0 {
             return Err(params.error("the sphere is cut away as a whole"));
         }
-        let round = Transform::framed(to_world.as_affine3a())
-            .sphere_scale()
-            .is_some();
+        let round = Transform::framed(*to_world).sphere_scale().is_some();
         let stem = "sphere".to_owned();
         if whole && round && !options.reversed && !options.oriented {
             let radius = radius as f32;
@@ -426,7 +424,11 @@ fn indices<const N: usize>(params: &Params, vertices: usize) -> Result<Vec<[u32;
 fn triangle_mesh(params: &Params) -> Result<MeshDesc, SceneError> {
     let mut shape = vertices(params)?;
     shape.triangles = indices(params, shape.positions.len())?;
-    Ok(shape.into_mesh(PathBuf::new(), ""))
+    let mut mesh = shape.into_mesh(PathBuf::new(), "");
+    let numbers = params.numbers("P")?.unwrap_or_default();
+    let points: Vec<DVec3> = numbers.chunks_exact(3).map(DVec3::from_slice).collect();
+    mesh.place(&points);
+    Ok(mesh)
 }
 
 /// Orients a mesh by its normals, reverses it, adds default texture coordinates if they are needed,
