@@ -31,6 +31,7 @@ mod mitsuba;
 mod mitsuba_damaged;
 mod mitsuba_files;
 mod mitsuba_legacy;
+mod mitsuba_sky;
 mod nothing_silent;
 mod obj;
 mod obj_state;

@@ -134,7 +134,11 @@ fn silent(format: &str, names: &str, fate: impl Fn(&str) -> Fate) -> Vec<String>
 }
 
 fn mitsuba(inner: &str) -> Fate {
-    let text = format!("<scene version=\"3.0.0\">{inner}</scene>");
+    mitsuba_of("3.0.0", inner)
+}
+
+fn mitsuba_of(version: &str, inner: &str) -> Fate {
+    let text = format!("<scene version=\"{version}\">{inner}</scene>");
     Fate::of(&Folder::new(&[("a.xml", text)]), "a.xml")
 }
 
@@ -186,6 +190,23 @@ fn parameters_of_mitsuba_that_nothing_reads_are_noted() {
                 assert!(!fate.0.is_empty(), "{class} {name}: no note");
             }
         }
+    }
+}
+
+#[test]
+fn parameters_of_suns_and_skies_that_nothing_reads_are_noted() {
+    for (version, name, parameter) in [
+        ("3.0.0", "sunsky", "scale"),
+        ("3.0.0", "sunsky", "stretch"),
+        ("0.6.0", "sunsky", "sun_aperture"),
+        ("0.6.0", "sky", "sunScale"),
+        ("0.6.0", "sun", "albedo"),
+    ] {
+        let unknown = format!("<float name=\"{parameter}\" value=\"1\"/>");
+        let emitter = format!("<emitter type=\"{name}\">{unknown}</emitter>");
+        let fate = mitsuba_of(version, &emitter);
+        let snake = parameter.replace("sunScale", "sun_scale");
+        assert!(fate.names(&format!("`{snake}`")), "{name}: {}", fate.0);
     }
 }
 

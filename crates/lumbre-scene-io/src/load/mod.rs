@@ -25,6 +25,7 @@ pub mod primaries;
 mod reading;
 mod row;
 mod scn;
+mod sky;
 mod spectrum;
 mod unknown;
 

@@ -1,5 +1,5 @@
-//! Lights of Mitsuba scenes: `area` on shapes, `constant`, `envmap`, `point`, `spot` and
-//! `directional`.
+//! Lights of Mitsuba scenes: `area` on shapes, `constant`, `envmap`, `sunsky`, `point`, `spot` and
+//! `directional`; of version 0.6 also `sky` and `sun`.
 
 use std::f64::consts::{PI, TAU};
 use std::rc::Rc;
@@ -8,6 +8,7 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3, Vec3};
 
 use super::as_texture;
+use super::sky;
 use super::texture::{self, TextureReader};
 use super::tree::XmlObject;
 use crate::load::environment::{FINE_ROWS, MAX_HEIGHT, MIN_HEIGHT, bilinear, resampled};
@@ -71,6 +72,10 @@ pub(super) fn read(
             Ok(Some(SceneLight::Environment(EnvironmentDesc::new(source))))
         }
         "envmap" => environment_map(o, textures, notes),
+        "sunsky" => Ok(sky::read(o, textures, notes)?.map(SceneLight::Environment)),
+        "sky" | "sun" if o.legacy => {
+            Ok(sky::read(o, textures, notes)?.map(SceneLight::Environment))
+        }
         "point" => {
             let position = match o.vector("position")? {
                 Some(position) => position,

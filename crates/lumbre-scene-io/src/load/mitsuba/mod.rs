@@ -23,6 +23,7 @@ mod emitter;
 mod sensor;
 mod serialized;
 mod shape;
+mod sky;
 mod supported;
 mod texture;
 mod tree;
@@ -472,13 +473,19 @@ impl MitsubaLoader {
 
     /// Adds a light or the environment; of several environments the first is used.
     fn emitter(&mut self, o: &Rc<XmlObject>) -> Result<(), SceneError> {
+        const SECOND: &str = "only the first environment is used; this one is ignored";
+        // A second sky would take long to compute.
+        if self.environment.is_some() && matches!(o.plugin.as_str(), "sky" | "sun" | "sunsky") {
+            self.notes.push(o.note(SECOND));
+            o.mark_all_read();
+            return Ok(());
+        }
         match emitter::read(o, &mut self.textures, &mut self.notes)? {
             Some(emitter::SceneLight::Environment(environment)) if self.environment.is_none() => {
                 self.environment = Some(environment);
             }
             Some(emitter::SceneLight::Environment(_)) => {
-                self.notes
-                    .push(o.note("only the first environment is used; this one is ignored"));
+                self.notes.push(o.note(SECOND));
             }
             Some(emitter::SceneLight::Light(mut light)) => {
                 light.name = self.names.allocate(o.id.as_deref().unwrap_or(&o.plugin));

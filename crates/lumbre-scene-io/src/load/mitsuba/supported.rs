@@ -192,6 +192,15 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
         limits: "tilted maps and further environments are noted",
     },
     SupportedElement {
+        name: "`sunsky`; `sky`, `sun` of version 0.6",
+        support: "an environment map that is computed: `turbidity`, `albedo`, `sun_direction`, or \
+                  `latitude`, `longitude`, `timezone`, `year`, `month`, `day`, `hour`, `minute`, \
+                  `second`; `sun_scale`, `sky_scale`, `sun_aperture`, `to_world`; of version 0.6 \
+                  also `scale`, `sun_radius_scale`, `stretch`, `extend`",
+        limits: "`complex_sun`, textures of `albedo`, of which the mean is used, and suns below 0.2 \
+                 degrees are noted; a black light is ignored, with a note",
+    },
+    SupportedElement {
         name: "`point`, `directional`",
         support: "`position` and `intensity`, `direction` and `irradiance`",
         limits: "",
