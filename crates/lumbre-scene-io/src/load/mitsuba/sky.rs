@@ -211,7 +211,7 @@ fn sun_direction(o: &XmlObject, upright: &DMat3, to_sky: &DMat3) -> Result<DVec3
         if let Some(name) = beside.find(|name| o.property(name).is_some()) {
             return Err(o.error(format!("`sun_direction` cannot be given beside `{name}`")));
         }
-        let direction = *to_sky * direction.as_dvec3();
+        let direction = *to_sky * direction;
         return direction
             .try_normalize()
             .ok_or_else(|| o.error("a `sun_direction` must have a length above 0"));
