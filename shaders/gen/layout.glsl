@@ -234,7 +234,10 @@ struct PointLight {
     float cutoff_height; // One minus the cosine of `cutoff`; 2 is all directions.
     uint is_smooth; // 1 if the intensity falls off with the square of a term linear in the cosine, 0 if linearly with the angle.
     uint map; // Texture that multiplies the intensity by direction, or NONE.
-    vec2 turn; // Sine and cosine of the rotation of the map about +y.
+    vec2 turn; // Sine and cosine of the rotation about +y of a map of all directions.
+    vec3 right; // Vector whose product with a direction, over the cosine to the axis, is 1 at the right edge of an image across the axis; zero for a map of all directions.
+    vec3 up; // The same for the upper edge.
+    uint is_even; // 1 if the intensity of an image is divided by the cube of the cosine to the axis.
 };
 
 // Directional light from infinity.

@@ -11,8 +11,9 @@ use lumbre_light::film::Film;
 use lumbre_light::film::time::TimeAxis;
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{
-    Cone, DirectionalLight, Emitter, Environment, Formulas, IntensityMap, Interface, MaskMode,
-    Material, Model, NONE, PointLight, RoughnessTexels, Sphere, Texture, TriangleAttributes, UvMap,
+    Cone, DirectionalLight, Emitter, Environment, Formulas, IntensityMap, Interface, MapSpace,
+    MaskMode, Material, Model, NONE, PointLight, RoughnessTexels, Sphere, Texture,
+    TriangleAttributes, UvMap,
 };
 use lumbre_light::scene::desc::{CameraDesc, ConeDesc};
 use lumbre_light::transport::integrator::{IntegratorRow, integrator};
@@ -258,13 +259,43 @@ impl SceneBuilder {
     ) -> SceneBuilder {
         let map = IntensityMap {
             texture: self.texture(map),
-            rotation_rad: rotation_deg.to_radians(),
+            mapping: MapSpace::Sphere {
+                rotation_rad: rotation_deg.to_radians(),
+            },
         };
         self.with(|s| {
             s.points.push(PointLight {
                 position,
                 intensity,
                 cone: Cone::WHOLE,
+                map: Some(map),
+            })
+        })
+    }
+
+    /// Adds a spot light that projects an image as wide and high as its cone.
+    pub fn projector(
+        mut self,
+        [position, axis, intensity]: [Vec3; 3],
+        cone: ConeDesc,
+        image: Texture,
+        even: bool,
+    ) -> SceneBuilder {
+        let cone = Cone::new(axis, &cone);
+        let right = cone.axis.any_orthonormal_vector() / cone.cutoff.tan();
+        let map = IntensityMap {
+            texture: self.texture(image),
+            mapping: MapSpace::Plane {
+                right,
+                up: right.cross(cone.axis),
+                even,
+            },
+        };
+        self.with(|s| {
+            s.points.push(PointLight {
+                position,
+                intensity,
+                cone,
                 map: Some(map),
             })
         })

@@ -120,6 +120,10 @@ pub(crate) const PBRT_SMOOTH_SPOT: &str = "the falloff of the cone is a square h
                                            pbrt: a difference of up to 25 % of the intensity at \
                                            the edge";
 
+/// Images of projection lights in pbrt.
+pub(crate) const PBRT_PROJECTION: &str = "the image is interpolated between its pixels here, and not \
+                                          in version 4 of pbrt";
+
 /// Coloured maps of goniometric lights in version 4 of pbrt.
 pub(crate) const PBRT_GONIOMETRIC_COLOR: &str = "pbrt replaces the colours of the map of a \
                                                  goniometric light by the mean of red, green and \

@@ -25,15 +25,16 @@ vec3 directions_texel(Texture map, bool floats, int i) {
     return floats ? float_texel(map.first, uint(i)) : texture_texel(map, uint(i));
 }
 
-// Returns the colour of a map interpolated between the centres of four texels, across the seam and
-// up to the poles.
-vec3 directions_bilinear(Texture map, bool floats, vec2 uv) {
+// Returns the colour of a map interpolated between the centres of four texels: across the seam, if
+// its columns wrap around.
+vec3 map_bilinear(Texture map, bool floats, bool wraps, vec2 uv) {
     ivec2 size = ivec2(map.width, map.height);
     vec2 xy = uv * vec2(size) - 0.5;
     ivec2 low = ivec2(floor(xy));
     vec2 f = xy - floor(xy);
-    // Columns from -1 to the size, both included, wrap around.
-    ivec2 columns = (ivec2(low.x, low.x + 1) + size.x) % size.x;
+    // Columns are from -1 to the size, both included.
+    ivec2 columns = ivec2(low.x, low.x + 1);
+    columns = wraps ? (columns + size.x) % size.x : clamp(columns, 0, size.x - 1);
     ivec2 rows = clamp(ivec2(low.y, low.y + 1), 0, size.y - 1) * size.x;
     vec3 upper = mix(
         directions_texel(map, floats, rows.x + columns.x),
@@ -56,7 +57,7 @@ vec3 environment_radiance(vec3 dir) {
     }
     vec2 uv = directions_coordinates(job.environment_turn, dir);
     return job.environment_radiance
-        * directions_bilinear(textures[job.environment_texture], true, uv);
+        * map_bilinear(textures[job.environment_texture], true, true, uv);
 }
 
 // Samples a direction towards the environment, with its density per solid angle.

@@ -46,8 +46,19 @@ vec3 point_intensity(uint i, vec3 dir) {
     if (points[i].map == NONE) {
         return intensity;
     }
-    vec2 uv = directions_coordinates(points[i].turn, dir);
-    return intensity * directions_bilinear(textures[points[i].map], false, uv);
+    if (points[i].right == vec3(0.0)) {
+        vec2 uv = directions_coordinates(points[i].turn, dir);
+        return intensity * map_bilinear(textures[points[i].map], false, true, uv);
+    }
+    float cos_axis = dot(dir, points[i].axis);
+    vec2 at = vec2(dot(dir, points[i].right), dot(dir, points[i].up)) / cos_axis;
+    if (!(cos_axis > 0.0 && abs(at.x) <= 1.0 && abs(at.y) <= 1.0)) {
+        return vec3(0.0);
+    }
+    vec2 uv = 0.5 + vec2(0.5, -0.5) * at;
+    vec3 color = map_bilinear(textures[points[i].map], false, false, uv);
+    return intensity
+        * (points[i].is_even != 0u ? color / (cos_axis * cos_axis * cos_axis) : color);
 }
 
 // Returns the density per solid angle of a direction of emission of point light `i`: uniform over

@@ -27,6 +27,7 @@ fn lit(map: bool) -> (Arc<CompiledScene>, Job) {
         Texture::new(width, height, texels)
     };
     let (sky, pattern, by_direction) = (texture(9, 5), texture(4, 4), texture(5, 3));
+    let slide = texture(3, 4);
     let mut builder = SceneBuilder::new(Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO, 60.0);
     let index = builder.texture(pattern);
     let emitting = Material {
@@ -73,6 +74,26 @@ fn lit(map: bool) -> (Arc<CompiledScene>, Job) {
             cone(ConeEdge::Smooth),
         )
         .goniometric(Vec3::new(1.5, 0.5, 0.5), Vec3::ONE, by_direction, 70.0)
+        .projector(
+            [
+                Vec3::new(0.5, 1.0, 0.5),
+                Vec3::new(0.1, -1.0, 0.2),
+                Vec3::ONE,
+            ],
+            cone(ConeEdge::Linear),
+            slide.clone(),
+            true,
+        )
+        .projector(
+            [
+                Vec3::new(-0.5, 1.0, -0.5),
+                Vec3::new(-0.1, -1.0, 0.3),
+                Vec3::ONE,
+            ],
+            cone(ConeEdge::Smooth),
+            slide,
+            false,
+        )
         .directional(Vec3::new(0.3, -1.0, 0.2), Vec3::ONE)
         .environment(map.then_some(sky), Vec3::new(0.5, 0.6, 0.7), 30.0);
     (scene.build(), job([64, 36], 5, 7))

@@ -159,6 +159,7 @@ pub(super) fn gallery(materials: Vec<MaterialDesc>) -> SceneDesc {
                     cutoff_deg: 25.0,
                     edge: ConeEdge::Linear,
                 },
+                image: None,
             },
         ),
         light(

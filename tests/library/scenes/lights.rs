@@ -5,11 +5,14 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use glam::Vec3;
+use lumbre_light::scene::compile::{MapSpace, PointLight};
 use lumbre_light::scene::desc::{EnvironmentSource, LightKind, TextureSlot, content_hash};
 use lumbre_light::scene::{Note, SceneDesc, compile};
 use lumbre_light::transport::light::Lights;
 use lumbre_light::value::Value;
 use lumbre_scene_io::edit::{paths, set};
+use lumbre_scene_io::export;
+use lumbre_scene_io::load::load;
 
 use super::{Folder, QUAD, lines, scn};
 
@@ -163,7 +166,10 @@ fn goniometric_lights_are_read_compiled_and_changed() {
     let light = scene.points[0];
     assert_eq!(light.intensity, Vec3::new(4.0, 5.0, 6.0));
     let map = light.map.unwrap();
-    assert!((map.rotation_rad - std::f32::consts::FRAC_PI_2).abs() < 1e-6);
+    let MapSpace::Sphere { rotation_rad } = map.mapping else {
+        panic!("a map of all directions expected")
+    };
+    assert!((rotation_rad - std::f32::consts::FRAC_PI_2).abs() < 1e-6);
     assert_eq!(
         scene.textures[map.texture as usize].texels.at(1),
         [0.5, 1.0, 2.0]
@@ -190,6 +196,135 @@ fn goniometric_lights_are_read_compiled_and_changed() {
     let without = text.replace(r#""map": "m.hdr","#, "");
     let e = scn(&without).unwrap_err().to_string();
     assert!(e.contains("a goniometric light needs `map`"), "{e}");
+}
+
+/// Returns the only light of a scene, and the texels of its image.
+fn projector(desc: &SceneDesc) -> (PointLight, Vec<[f32; 3]>) {
+    let (scene, _) = compile(desc).unwrap();
+    let light = scene.points[0];
+    let texture = &scene.textures[light.map.unwrap().texture as usize];
+    (light, texture.texels.iter().collect())
+}
+
+#[test]
+fn projectors_of_all_formats_show_their_image_upright() {
+    let folder = Folder::new::<&str>(&[]);
+    let texels = [
+        [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [0.0, 0.0, 1.0],
+        [1.0, 1.0, 0.0],
+    ];
+    let texels: Vec<[f32; 3]> = texels.into_iter().flat_map(|t| [t; 2]).collect();
+    // Two rows of four, red and green above.
+    write_hdr(&folder.path("m.hdr"), &texels, 4);
+    let half = 25f32.to_radians().tan();
+    let pbrt = |version: &str| {
+        let name = if version == "3" {
+            "mapname"
+        } else {
+            "filename"
+        };
+        let turned = if version == "3" { "Scale 1 -1 1\n" } else { "" };
+        let ends = if version == "3" { "WorldEnd\n" } else { "" };
+        let short = (2.0 * (half / 2.0).atan()).to_degrees();
+        format!(
+            "Camera \"perspective\"\nWorldBegin\nTranslate -1 2 3\n{turned}\
+             LightSource \"projection\" \"string {name}\" \"m.hdr\" \"float fov\" {short}\n{ends}"
+        )
+    };
+    let scn = r#"{ "lights": [ { "type": "spot", "position": [1, 2, 3], "intensity": [1, 1, 1],
+        "direction": [0, 0, 2], "map": "m.hdr", "angle": 50 } ] }"#;
+    let xml = "<scene version=\"3.0.0\"><emitter type=\"projector\"><transform name=\"to_world\">\
+        <lookat origin=\"1,2,3\" target=\"1,2,5\" up=\"0,1,0\"/></transform><float name=\"fov\" \
+        value=\"50\"/><texture name=\"irradiance\" type=\"bitmap\"><string name=\"filename\" \
+        value=\"m.hdr\"/></texture></emitter></scene>";
+    let files = [
+        ("a.scn", scn.to_owned(), true),
+        ("a.xml", xml.to_owned(), true),
+        ("a.pbrt", pbrt("4"), false),
+        ("b.pbrt", pbrt("3"), false),
+    ];
+    for (name, text, shaped) in files {
+        folder.write(name, text);
+        let (desc, _) = folder.load(name).unwrap();
+        let check = |name: &str, desc: &SceneDesc, is_even: bool| {
+            let (light, found) = projector(desc);
+            let MapSpace::Plane { right, up, even } = light.map.unwrap().mapping else {
+                panic!("{name}: an image across the axis expected")
+            };
+            // Looking along +z with +y up, -x is on the right.
+            let expected = [Vec3::NEG_X / half, Vec3::Y * 2.0 / half];
+            for (found, expected) in [right, up].into_iter().zip(expected) {
+                assert!(
+                    (found - expected).length() < 1e-4,
+                    "{name}: {found}, not {expected}"
+                );
+            }
+            assert_eq!(
+                (light.position, even),
+                (Vec3::new(1.0, 2.0, 3.0), is_even),
+                "{name}"
+            );
+            assert_eq!(light.intensity, Vec3::ONE, "{name}");
+            assert_eq!(found, texels, "{name}");
+            let corner = (half * half * 1.25).sqrt().atan();
+            assert!(
+                (light.cone.beam / corner - 1.0).abs() < 1e-4,
+                "{name}: {}",
+                light.cone.beam
+            );
+        };
+        check(name, &desc, shaped);
+        // Exports are read back as they were, except that each format has one shape of the intensity.
+        for (write, scene, is_even) in [
+            (export::mitsuba as fn(&_, &_) -> _, "scene.xml", true),
+            (export::pbrt, "scene.pbrt", false),
+        ] {
+            if is_even == shaped || scene == "scene.pbrt" {
+                let out = folder.path(&format!("{name}-{scene}"));
+                write(&desc, &out).unwrap();
+                check(
+                    &format!("{name} as {scene}"),
+                    &load(&out.join(scene)).unwrap().0,
+                    is_even,
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn textures_of_spots_are_as_wide_as_their_cone() {
+    let folder = Folder::new::<&str>(&[]);
+    write_hdr(&folder.path("m.hdr"), &[[1.0; 3], [0.5; 3]], 2);
+    let xml = "<scene version=\"3.0.0\"><emitter type=\"spot\"><transform name=\"to_world\">\
+        <lookat origin=\"0,0,0\" target=\"0,0,-1\" up=\"0,1,0\"/></transform><float name=\"cutoff_angle\" \
+        value=\"40\"/><texture name=\"texture\" type=\"bitmap\"><string name=\"filename\" value=\"m.hdr\"/>\
+        </texture></emitter></scene>";
+    folder.write("a.xml", xml);
+    let (desc, notes) = folder.load("a.xml").unwrap();
+    assert!(!lines(&notes).contains("texture"), "{}", lines(&notes));
+    let (light, _) = projector(&desc);
+    let Some(MapSpace::Plane { right, up, even }) = light.map.map(|map| map.mapping) else {
+        panic!("an image across the axis expected")
+    };
+    // Mitsuba turns the image by half a turn.
+    let half = 40f32.to_radians().tan();
+    assert!((right - Vec3::NEG_X / half).length() < 1e-4, "{right}");
+    assert!((up - Vec3::NEG_Y / half).length() < 1e-4 && !even, "{up}");
+    assert!((light.cone.beam - 30f32.to_radians()).abs() < 1e-4);
+    let light = &desc.lights[0].name;
+    assert!(!paths(&desc).contains(&format!("lights.{light}.map")));
+    let mut changed = desc.clone();
+    let file = folder.path("m.hdr").to_string_lossy().into_owned();
+    set(
+        &mut changed,
+        &format!("lights.{light}.map"),
+        &Value::from(file.as_str()),
+    )
+    .unwrap();
+    assert_eq!(content_hash(&changed), content_hash(&desc));
 }
 
 #[test]

@@ -448,7 +448,7 @@ fn emitters_are_read_with_their_parameters() {
 <emitter type="directional" id="sun"><vector name="direction" value="0, -1, 0"/></emitter>
 <emitter type="spot" id="beam"><float name="cutoff_angle" value="40"/><rgb name="intensity" value="5"/>
 <transform name="to_world"><lookat origin="1, 2, 3" target="1, 0, 3" up="1, 0, 0"/></transform></emitter>
-<emitter type="projector"/>"#,
+<emitter type="volumelight"/>"#,
     );
     assert_eq!(desc.entities[0].material.as_deref(), Some("lamp_light"));
     let lamp = &desc.materials[desc.material_index("lamp_light").unwrap()];
@@ -466,7 +466,7 @@ fn emitters_are_read_with_their_parameters() {
     );
     assert_eq!(desc.lights[1].name, "sun");
     assert!(
-        notes.contains("the light `projector` is not supported"),
+        notes.contains("the light `volumelight` is not supported"),
         "{notes}"
     );
     let LightKind::Spot {
@@ -474,6 +474,7 @@ fn emitters_are_read_with_their_parameters() {
         direction,
         intensity,
         cone,
+        image: None,
     } = desc.lights[2].kind
     else {
         panic!()

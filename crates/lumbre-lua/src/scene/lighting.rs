@@ -12,7 +12,8 @@ use crate::error::ScriptError;
 use crate::kind::kind;
 use crate::strict::Fields;
 use lumbre_light::scene::desc::{
-    ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, TextureDesc,
+    ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, SpotImage,
+    TextureDesc,
 };
 use lumbre_light::value::schema::SchemaError;
 
@@ -51,9 +52,12 @@ fn light_kind(args: &Args, fields: &Fields) -> Result<LightKind, ScriptError> {
             let problem = "a light with a `map` needs `position` and `intensity`";
             return Err(args.error(problem, None));
         };
-        let others = ["direction", "irradiance", "cutoff", "beam"];
+        if let Some(direction) = vector("direction") {
+            return projector(args, fields, [position, direction, intensity], map);
+        }
+        let others = ["irradiance", "cutoff", "beam", "angle", "up"];
         if let Some(other) = others.iter().find(|key| fields.values.contains_key(**key)) {
-            let problem = format!("a light with a `map` has no `{other}`");
+            let problem = format!("a light with a `map` and no `direction` has no `{other}`");
             return Err(args.error(problem, None));
         }
         return Ok(LightKind::Goniometric {
@@ -63,8 +67,9 @@ fn light_kind(args: &Args, fields: &Fields) -> Result<LightKind, ScriptError> {
             rotation_deg: angle("rotation").unwrap_or(0.0),
         });
     }
-    if angle("rotation").is_some() {
-        return Err(args.error("`rotation` applies to lights with a `map`", None));
+    let of_maps = ["rotation", "angle", "up"];
+    if let Some(key) = of_maps.iter().find(|key| fields.values.contains_key(**key)) {
+        return Err(args.error(format!("`{key}` applies to lights with a `map`"), None));
     }
     Ok(
         match (
@@ -73,26 +78,13 @@ fn light_kind(args: &Args, fields: &Fields) -> Result<LightKind, ScriptError> {
             vector("direction"),
             vector("irradiance"),
         ) {
-            (Some(position), Some(intensity), Some(direction), None) => {
-                let cutoff_deg = angles.0.unwrap_or(20.0);
-                let cone = ConeDesc {
-                    beam_deg: angles.1.unwrap_or(0.75 * cutoff_deg),
-                    cutoff_deg,
-                    edge: ConeEdge::Linear,
-                };
-                if !cone.is_possible() {
-                    return Err(args.error(
-                        "the `beam` of a spot light must not exceed its `cutoff`",
-                        None,
-                    ));
-                }
-                LightKind::Spot {
-                    position,
-                    direction,
-                    intensity,
-                    cone,
-                }
-            }
+            (Some(position), Some(intensity), Some(direction), None) => LightKind::Spot {
+                position,
+                direction,
+                intensity,
+                cone: cone(args, fields, 20.0)?,
+                image: None,
+            },
             _ if angles != (None, None) => {
                 let problem = "`cutoff` and `beam` apply to spot lights, which need `position`, \
                            `direction` and `intensity`";
@@ -113,6 +105,53 @@ fn light_kind(args: &Args, fields: &Fields) -> Result<LightKind, ScriptError> {
             }
         },
     )
+}
+
+/// Returns a spot light that projects an image.
+fn projector(
+    args: &Args,
+    fields: &Fields,
+    [position, direction, intensity]: [Vec3; 3],
+    map: Arc<TextureDesc>,
+) -> Result<LightKind, ScriptError> {
+    if let Some(key) = ["irradiance", "rotation"]
+        .iter()
+        .find(|key| fields.values.contains_key(**key))
+    {
+        let problem = format!("a light with a `map` and a `direction` has no `{key}`");
+        return Err(args.error(problem, None));
+    }
+    let up = fields.numbers("up").map_or(Vec3::Y, Vec3::from_array);
+    let angle = fields.f32("angle").unwrap_or(SpotImage::ANGLE as f32);
+    let image = SpotImage::projected(map, direction, up, angle);
+    let cone = match fields.f32("cutoff") {
+        Some(cutoff) => cone(args, fields, cutoff)?,
+        None => image.cone(),
+    };
+    Ok(LightKind::Spot {
+        position,
+        direction,
+        intensity,
+        cone,
+        image: Some(image),
+    })
+}
+
+/// Returns the cone of a spot light, which has this cutoff by default.
+fn cone(args: &Args, fields: &Fields, cutoff: f32) -> Result<ConeDesc, ScriptError> {
+    let cutoff_deg = fields.f32("cutoff").unwrap_or(cutoff);
+    let cone = ConeDesc {
+        beam_deg: fields.f32("beam").unwrap_or(0.75 * cutoff_deg),
+        cutoff_deg,
+        edge: ConeEdge::Linear,
+    };
+    if cone.is_possible() {
+        return Ok(cone);
+    }
+    Err(args.error(
+        "the `beam` of a spot light must not exceed its `cutoff`",
+        None,
+    ))
 }
 
 /// Returns the texture of a map of directions, which is the option with this path.

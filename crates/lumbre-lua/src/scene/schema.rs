@@ -56,8 +56,8 @@ lumbre_light::table! {
     /// Options of `s:light`.
     pub const POINT_LIGHT = "SceneLight",
         "Light without a surface: a point light (`position`, `intensity`), a directional light \
-         (`direction`, `irradiance`), a spot light (`position`, `direction`, `intensity`) or a \
-         goniometric light (`position`, `intensity`, `map`).";
+         (`direction`, `irradiance`), a spot light (`position`, `direction`, `intensity`), a projector \
+         (a spot light with a `map`) or a goniometric light (`position`, `intensity`, `map`).";
     name = "light_1, ..": Ty::Str, "name for changes with `set`: lights.NAME.intensity";
     position = "": POINT, "position of a point, spot or goniometric light";
     intensity = "": LIGHT,
@@ -72,7 +72,11 @@ lumbre_light::table! {
          to zero at `cutoff`";
     map = "": Ty::Object("string|Texture"),
         "factor on the intensity of a goniometric light by direction: equirectangular picture with \
-         +y at the top and +z in the middle";
+         +y at the top and +z in the middle; or the picture that a spot light projects";
+    angle = "40": Ty::num(1e-3, 179.0),
+        "angle of the width of a projected picture in degrees; `cutoff` is that of its corners unless \
+         it is given";
+    up = "{ 0, 1, 0 }": POINT, "direction that points up in a projected picture";
     rotation = "0": Ty::num(-1e6, 1e6),
         "rotation of the map of a goniometric light about +y in degrees, counter-clockwise seen \
          from above";

@@ -60,8 +60,8 @@ params! {
             cone.cutoff_deg = scalar(v);
         };
     "map": Ty::Str,
-        "File of the map of a goniometric light (longitude over latitude), relative to the current \
-         folder: the factor on its intensity by direction.",
+        "File of the map of a goniometric light (longitude over latitude), or of the image that a spot \
+         light projects, relative to the current folder: the factor on its intensity.",
         |_, _| {};
     "rotation": Ty::num(-1e6, 1e6),
         "Rotation of the map of a goniometric light about +y in degrees, counter-clockwise seen \
@@ -98,7 +98,10 @@ fn settings(light: &LightDesc) -> impl Iterator<Item = &'static str> {
     let names: &[&'static str] = match light.kind {
         LightKind::Point { .. } => &["position", "intensity"],
         LightKind::Directional { .. } => &["direction", "irradiance"],
-        LightKind::Spot { .. } => &["position", "direction", "intensity", "beam", "cutoff"],
+        LightKind::Spot { image: None, .. } => {
+            &["position", "direction", "intensity", "beam", "cutoff"]
+        }
+        LightKind::Spot { .. } => &["position", "direction", "intensity", "beam", "cutoff", MAP],
         LightKind::Goniometric { .. } => &["position", "intensity", MAP, "rotation"],
     };
     names.iter().copied()
@@ -141,6 +144,7 @@ pub(super) fn set_light(
         let what = match light.kind {
             LightKind::Point { .. } => "a point light",
             LightKind::Directional { .. } => "a directional light",
+            LightKind::Spot { image: None, .. } => "a spot light without an image",
             LightKind::Spot { .. } => "a spot light",
             LightKind::Goniometric { .. } => "a goniometric light",
         };
@@ -148,6 +152,9 @@ pub(super) fn set_light(
     }
     match &mut light.kind {
         LightKind::Goniometric { map, .. } if param == MAP => *map = read_map(path, value)?,
+        LightKind::Spot {
+            image: Some(image), ..
+        } if param == MAP => image.texture = read_map(path, value)?,
         _ => (row.set_checked)(light, value),
     }
     Ok(())

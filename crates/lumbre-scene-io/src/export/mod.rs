@@ -173,7 +173,7 @@ impl SceneWriter<'_> {
         }
         self.materials()?;
         self.entities()?;
-        self.lights();
+        self.lights()?;
         self.environment()
     }
 

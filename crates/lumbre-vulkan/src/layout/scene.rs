@@ -314,8 +314,15 @@ super::gpu_structs! {
         is_smooth: u32,
         /// Texture that multiplies the intensity by direction, or NONE.
         map: u32,
-        /// Sine and cosine of the rotation of the map about +y.
+        /// Sine and cosine of the rotation about +y of a map of all directions.
         turn: [f32; 2],
+        /// Vector whose product with a direction, over the cosine to the axis, is 1 at the right edge
+        /// of an image across the axis; zero for a map of all directions.
+        right: [f32; 3],
+        /// The same for the upper edge.
+        up: [f32; 3],
+        /// 1 if the intensity of an image is divided by the cube of the cosine to the axis.
+        is_even: u32,
     }
 
     /// Directional light from infinity.

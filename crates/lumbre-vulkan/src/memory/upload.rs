@@ -250,7 +250,14 @@ fn emitter(e: &compile::Emitter) -> layout::Emitter {
 }
 
 fn point_light(p: &compile::PointLight) -> layout::PointLight {
-    let (sin, cos) = p.map.map_or(0.0, |map| map.rotation_rad).sin_cos();
+    let (rotation, right, up, even) = match p.map.map(|map| map.mapping) {
+        None => (0.0, Vec3::ZERO, Vec3::ZERO, false),
+        Some(compile::MapSpace::Sphere { rotation_rad }) => {
+            (rotation_rad, Vec3::ZERO, Vec3::ZERO, false)
+        }
+        Some(compile::MapSpace::Plane { right, up, even }) => (0.0, right, up, even),
+    };
+    let (sin, cos) = rotation.sin_cos();
     layout::PointLight {
         position: p.position.into(),
         intensity: p.intensity.into(),
@@ -262,6 +269,9 @@ fn point_light(p: &compile::PointLight) -> layout::PointLight {
         is_smooth: u32::from(p.cone.smooth),
         map: p.map.map_or(NONE, |map| map.texture),
         turn: [sin, cos],
+        right: right.into(),
+        up: up.into(),
+        is_even: u32::from(even),
     }
 }
 

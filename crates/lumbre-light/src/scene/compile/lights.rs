@@ -4,13 +4,13 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use super::{CompiledScene, Texture};
 use crate::scene::desc::{
     ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSampling, EnvironmentSource, LightKind,
-    MAX_COORDINATE, SceneDesc, TextureDesc, place,
+    MAX_COORDINATE, SceneDesc, SpotImage, TextureDesc, place,
 };
 use crate::scene::{Note, SceneError};
 
@@ -23,18 +23,38 @@ pub struct PointLight {
     pub intensity: Vec3,
     /// Directions into which it emits.
     pub cone: Cone,
-    /// Factor on the intensity by direction; only with [`Cone::WHOLE`].
+    /// Factor on the intensity by direction.
     pub map: Option<IntensityMap>,
 }
 
 /// Factor on the intensity of a point light by direction of emission, given by an image.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct IntensityMap {
-    /// Index into [`CompiledScene::textures`] of an equirectangular map with finite texels of at
-    /// least 0, not black everywhere. Its orientation is that of [`EnvironmentDesc`].
+    /// Index into [`CompiledScene::textures`] of an image with finite texels of at least 0, not
+    /// black everywhere.
     pub texture: u32,
-    /// Rotation of the map about +y in radians, counter-clockwise seen from above.
-    pub rotation_rad: f32,
+    /// Place of the image's points among the directions.
+    pub mapping: MapSpace,
+}
+
+/// Place of the points of an image among directions.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum MapSpace {
+    /// An equirectangular map of all directions, with the orientation of [`EnvironmentDesc`].
+    Sphere {
+        /// Rotation of the map about +y in radians, counter-clockwise seen from above.
+        rotation_rad: f32,
+    },
+    /// An image across the axis of the cone, beyond whose edges there is no light.
+    Plane {
+        /// Vector whose product with a direction, over the cosine to the axis, is 1 at the right
+        /// edge and -1 at the left one.
+        right: Vec3,
+        /// The same for the upper and the lower edge.
+        up: Vec3,
+        /// Whether the intensity is divided by the cube of the cosine to the axis.
+        even: bool,
+    },
 }
 
 /// Directions into which a point emits. Angles are stored as heights, one minus the cosine with the
@@ -72,7 +92,7 @@ impl Cone {
         let height =
             |degrees: f32| (2.0 * (f64::from(degrees).to_radians() / 2.0).sin().powi(2)) as f32;
         Cone {
-            axis: axis.as_dvec3().normalize_or(glam::DVec3::Z).as_vec3(),
+            axis: axis.as_dvec3().normalize_or(DVec3::Z).as_vec3(),
             beam: desc.beam_deg.to_radians(),
             cutoff: desc.cutoff_deg.to_radians(),
             beam_height: height(desc.beam_deg),
@@ -170,10 +190,18 @@ pub(super) fn compile(
                 direction,
                 intensity,
                 cone,
-            } => (
-                intensity,
-                add_point(position, intensity, Some((direction, cone)), None),
-            ),
+                ref image,
+            } => {
+                let map = match image {
+                    None => Ok(None),
+                    Some(image) => spot_map(image, direction, &mut maps, notes),
+                };
+                let black = image.is_some() && map == Ok(None);
+                let intensity = if black { Vec3::ZERO } else { intensity };
+                let result = map
+                    .and_then(|map| add_point(position, intensity, Some((direction, cone)), map));
+                (intensity, result)
+            }
             LightKind::Goniometric {
                 position,
                 intensity,
@@ -182,7 +210,9 @@ pub(super) fn compile(
             } => {
                 let map = maps.add(map, notes).map(|texture| IntensityMap {
                     texture,
-                    rotation_rad: radians(rotation_deg),
+                    mapping: MapSpace::Sphere {
+                        rotation_rad: radians(rotation_deg),
+                    },
                 });
                 let intensity = if map.is_some() { intensity } else { Vec3::ZERO };
                 let result = check_rotation(rotation_deg)
@@ -256,6 +286,38 @@ fn point_light(
         cone,
         map: None,
     })
+}
+
+/// Returns the map of a spot light's image; `None` for one that is black everywhere.
+fn spot_map(
+    image: &SpotImage,
+    direction: Vec3,
+    maps: &mut IntensityMaps,
+    notes: &mut Vec<Note>,
+) -> Result<Option<IntensityMap>, String> {
+    let axis = direction.as_dvec3().normalize_or(DVec3::Z);
+    let [right, up] = [image.right, image.up].map(|v| {
+        let v = v.as_dvec3();
+        v - axis * axis.dot(v)
+    });
+    let area = right.cross(up).dot(axis).abs();
+    if !(area > 1e-12 && right.length().max(up.length()) < 1e6) {
+        return Err("the image of the light needs a width and a height across its axis".to_owned());
+    }
+    let mapping = MapSpace::Plane {
+        right: dual(right, up).as_vec3(),
+        up: dual(up, right).as_vec3(),
+        even: image.even,
+    };
+    let map = maps.add(&image.texture, notes);
+    Ok(map.map(|texture| IntensityMap { texture, mapping }))
+}
+
+/// Returns the vector in the plane of two others whose product with the first is 1, and with the
+/// second 0.
+fn dual(of: DVec3, other: DVec3) -> DVec3 {
+    let across = of - other * (of.dot(other) / other.length_squared());
+    across / across.dot(of)
 }
 
 /// Textures of a scene, to which the maps of goniometric lights are added, each once.
@@ -490,7 +552,10 @@ mod tests {
         let map = |i: usize| c.points[i].map.unwrap();
         assert_eq!([0, 1, 2].map(|i| map(i).texture), [0, 0, 1]);
         assert_eq!(c.textures.len(), 2);
-        assert!((map(1).rotation_rad - 270f32.to_radians()).abs() < 1e-6);
+        let MapSpace::Sphere { rotation_rad } = map(1).mapping else {
+            panic!("a map of all directions expected")
+        };
+        assert!((rotation_rad - 270f32.to_radians()).abs() < 1e-6);
         assert_eq!(c.textures[0].texels.at(0), [2.0, 0.0, 0.5]);
         assert!(notes.len() == 2 && notes[0].message.contains("count as black"));
 

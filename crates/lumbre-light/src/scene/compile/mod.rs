@@ -27,7 +27,7 @@ pub use delays::{Blend, DelayParam, DelayProfile, Delays, MaterialComponent};
 pub use entities::Entities;
 pub use flatten::{MAX_PRIMITIVES, compile, compile_camera, compile_sharing};
 pub use instance::{Instance, Instances, MAX_FLATTENED_PRIMITIVES, SharedMesh};
-pub use lights::{Cone, DirectionalLight, Environment, IntensityMap, PointLight};
+pub use lights::{Cone, DirectionalLight, Environment, IntensityMap, MapSpace, PointLight};
 pub use memory::SceneMemory;
 pub use texels::srgb_to_linear;
 pub use texels::{Curve, LinearTexels};

@@ -326,7 +326,8 @@ fn vec3(h: &mut Hasher, v: Vec3) {
 mod tests {
     use super::*;
     use crate::scene::desc::{
-        CAMERA_KINDS, CameraDesc, EnvironmentDesc, LightDesc, LightKind, TextureDesc,
+        CAMERA_KINDS, CameraDesc, ConeDesc, ConeEdge, EnvironmentDesc, LightDesc, LightKind,
+        SpotImage, TextureDesc,
     };
     use std::path::PathBuf;
     use std::sync::Arc;
@@ -521,6 +522,44 @@ mod tests {
             let mut m = mesh();
             change(&mut m);
             assert_ne!(mesh_hash(&m), base);
+        }
+    }
+
+    #[test]
+    fn images_of_spot_lights_count() {
+        let spot = |image: Option<(f32, f32)>| {
+            let direction = Vec3::NEG_Y;
+            let image = image.map(|(texel, angle)| {
+                let texels = Texels::RgbaF32(vec![[texel; 4]]);
+                let texture = TextureDesc::new("a.exr", 1, 1, texels);
+                SpotImage::projected(Arc::new(texture), direction, Vec3::Z, angle)
+            });
+            let kind = LightKind::Spot {
+                position: Vec3::X,
+                direction,
+                intensity: Vec3::ONE,
+                cone: ConeDesc {
+                    beam_deg: 10.0,
+                    cutoff_deg: 20.0,
+                    edge: ConeEdge::Linear,
+                },
+                image,
+            };
+            let desc = SceneDesc {
+                lights: vec![LightDesc::new("spot", kind)],
+                ..SceneDesc::default()
+            };
+            content_hash(&desc)
+        };
+        let hashes = [
+            None,
+            Some((1.0, 30.0)),
+            Some((0.5, 30.0)),
+            Some((1.0, 31.0)),
+        ]
+        .map(spot);
+        for (i, hash) in hashes.iter().enumerate() {
+            assert!(!hashes[..i].contains(hash), "{i}");
         }
     }
 

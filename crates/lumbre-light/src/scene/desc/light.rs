@@ -73,6 +73,8 @@ pub enum LightKind {
         intensity: Vec3,
         /// Falloff from the axis.
         cone: ConeDesc,
+        /// Image that it projects.
+        image: Option<SpotImage>,
     },
     /// Emits from one point, with an intensity by direction that an image gives.
     Goniometric {
@@ -99,7 +101,8 @@ impl LightKind {
     /// Returns the content for hashes: the tag of the kind, its numbers, and the words of the edge
     /// of a cone or of the hash of a map. A tag is never used for another kind.
     pub(super) fn content(&self) -> (u64, Vec<f32>, Vec<u64>) {
-        let numbers = |vectors: &[Vec3]| vectors.iter().flat_map(Vec3::to_array).collect();
+        let numbers =
+            |vectors: &[Vec3]| -> Vec<f32> { vectors.iter().flat_map(Vec3::to_array).collect() };
         match *self {
             LightKind::Point {
                 position,
@@ -114,10 +117,18 @@ impl LightKind {
                 direction,
                 intensity,
                 cone,
+                ref image,
             } => {
                 let mut all: Vec<f32> = numbers(&[position, intensity, direction]);
                 all.extend([cone.beam_deg, cone.cutoff_deg]);
-                (2, all, vec![cone.edge as u64])
+                let mut words = vec![cone.edge as u64];
+                let Some(image) = image else {
+                    return (2, all, words);
+                };
+                all.extend(numbers(&[image.right, image.up]));
+                words.push(u64::from(image.even));
+                words.extend(hash_words(&image.texture));
+                (4, all, words)
             }
             LightKind::Goniometric {
                 position,
@@ -127,10 +138,73 @@ impl LightKind {
             } => {
                 let mut all: Vec<f32> = numbers(&[position, intensity]);
                 all.push(rotation_deg);
-                let (words, _) = map.content_hash.as_chunks::<8>();
-                let words = words.iter().map(|bytes| u64::from_le_bytes(*bytes));
-                (3, all, words.collect())
+                (3, all, hash_words(map).collect())
             }
+        }
+    }
+}
+
+/// Returns the content hash of a texture in words.
+fn hash_words(texture: &TextureDesc) -> impl Iterator<Item = u64> + '_ {
+    let (words, _) = texture.content_hash.as_chunks::<8>();
+    words.iter().map(|bytes| u64::from_le_bytes(*bytes))
+}
+
+/// Image that a spot light projects, upright and not mirrored for a viewer behind the light if
+/// `right` is the axis times `up`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SpotImage {
+    /// Factor on the intensity, at least 0; eight-bit images are decoded from sRGB. Beyond its edges
+    /// the light emits nothing.
+    pub texture: Arc<TextureDesc>,
+    /// Vector from the middle of the image to that of its right edge, at distance 1 from the light
+    /// along the axis.
+    pub right: Vec3,
+    /// Vector from the middle of the image to that of its upper edge.
+    pub up: Vec3,
+    /// Whether a white image lights a screen across the axis evenly, as that of a projector does:
+    /// the intensity is divided by the cube of the cosine to the axis.
+    pub even: bool,
+}
+
+impl SpotImage {
+    /// Full angle of the width of an image in degrees, unless it is given.
+    pub const ANGLE: f64 = 40.0;
+
+    /// Creates the image of a projector that looks in a direction, with the full angle of its width
+    /// in degrees and the shape of its pixels; `up` is any vector that is not parallel to the
+    /// direction.
+    pub fn projected(
+        texture: Arc<TextureDesc>,
+        direction: Vec3,
+        up: Vec3,
+        angle_deg: f32,
+    ) -> SpotImage {
+        let axis = direction.normalize_or(Vec3::Z);
+        let right = axis
+            .cross(up)
+            .try_normalize()
+            .unwrap_or_else(|| axis.any_orthonormal_vector());
+        let half = (angle_deg.to_radians() / 2.0).tan();
+        let height = texture.height as f32 / texture.width.max(1) as f32;
+        SpotImage {
+            right: right * half,
+            up: right.cross(axis) * (half * height),
+            texture,
+            even: true,
+        }
+    }
+
+    /// Returns the cone of an image around its axis, which no falloff dims.
+    pub fn cone(&self) -> ConeDesc {
+        let corner = (self.right + self.up)
+            .length()
+            .max((self.right - self.up).length());
+        let cutoff_deg = (corner.atan().to_degrees() * 1.000_01).max(CUTOFF_RANGE[0] as f32);
+        ConeDesc {
+            beam_deg: cutoff_deg,
+            cutoff_deg,
+            edge: ConeEdge::Linear,
         }
     }
 }

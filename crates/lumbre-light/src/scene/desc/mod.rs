@@ -32,7 +32,7 @@ pub use delay_profile::{DelayDesc, DelayKind};
 pub use hash::{content_hash, hash_without_camera, mesh_hash, texture_hash};
 pub use light::{
     ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSampling, EnvironmentSource, LightDesc,
-    LightKind,
+    LightKind, SpotImage,
 };
 pub use lookup::{Lookup, NoInverse, TextureFilter, Wrap};
 pub use material::MaterialDesc;

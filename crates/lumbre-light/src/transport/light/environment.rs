@@ -151,7 +151,7 @@ impl DirectionMap {
     /// Returns the colour in a unit direction.
     #[inline(always)]
     pub fn color(&self, dir: Vec3) -> Vec3 {
-        self.bilinear(self.coordinates(dir))
+        bilinear(&self.texture, self.coordinates(dir), Edge::Seam)
     }
 
     /// Returns column and row of a direction as fractions of width and height, both in 0..=1.
@@ -166,36 +166,47 @@ impl DirectionMap {
         ]
     }
 
-    /// Returns the colour at fractions of width and height.
-    #[inline(always)]
-    fn bilinear(&self, [u, v]: [f32; 2]) -> Vec3 {
-        let (width, height) = (self.texture.width as i64, self.texture.height as i64);
-        let (x, y) = (u * width as f32 - 0.5, v * height as f32 - 0.5);
-        let (left, top) = (Real::floor(x), Real::floor(y));
-        let at = |dx: i64, dy: i64| {
-            // At most one column beyond either edge; a division would be slower.
-            let column = left as i64 + dx;
-            let column = if column < 0 {
-                column + width
-            } else if column >= width {
-                column - width
-            } else {
-                column
-            };
-            let row = (top as i64 + dy).clamp(0, height - 1);
-            Vec3::from_array(self.texture.texels.at((row * width + column) as usize))
-        };
-        let (fx, fy) = (x - left, y - top);
-        at(0, 0)
-            .lerp(at(1, 0), fx)
-            .lerp(at(0, 1).lerp(at(1, 1), fx), fy)
-    }
-
     /// Returns the luminance of the map times a factor, integrated over all directions.
     pub fn power(&self, factor: Vec3) -> f64 {
         let row_cos = row_cosines(&self.texture);
         cell_integrals(&self.texture, factor, &row_cos).iter().sum()
     }
+}
+
+/// The meaning of columns beyond the left and the right edge of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Edge {
+    /// Those at the other edge.
+    Seam,
+    /// Those at the same edge.
+    Clamped,
+}
+
+/// Returns the colour of an image at fractions of its width and height.
+#[inline(always)]
+pub fn bilinear(texture: &Texture, [u, v]: [f32; 2], edge: Edge) -> Vec3 {
+    let (width, height) = (texture.width as i64, texture.height as i64);
+    let (x, y) = (u * width as f32 - 0.5, v * height as f32 - 0.5);
+    let (left, top) = (Real::floor(x), Real::floor(y));
+    let at = |dx: i64, dy: i64| {
+        // At most one column beyond either edge; a division would be slower.
+        let column = left as i64 + dx;
+        let column = if edge == Edge::Clamped {
+            column.clamp(0, width - 1)
+        } else if column < 0 {
+            column + width
+        } else if column >= width {
+            column - width
+        } else {
+            column
+        };
+        let row = (top as i64 + dy).clamp(0, height - 1);
+        Vec3::from_array(texture.texels.at((row * width + column) as usize))
+    };
+    let (fx, fy) = (x - left, y - top);
+    at(0, 0)
+        .lerp(at(1, 0), fx)
+        .lerp(at(0, 1).lerp(at(1, 1), fx), fy)
 }
 
 impl EnvironmentMap {

@@ -65,7 +65,7 @@ use std::ops::Range;
 use glam::Vec3;
 
 use self::bounds::BoundingSphere;
-use self::environment::{DirectionMap, EnvironmentLight};
+use self::environment::EnvironmentLight;
 use self::table::{LISTS, LightRows};
 use crate::math::distribution::AliasTable;
 use crate::math::real::{Real, Vector};
@@ -94,7 +94,7 @@ pub struct Lights {
     /// Environment light with its distribution, if the scene has one.
     pub environment_light: Option<EnvironmentLight>,
     /// Map of each point light; `None` for one without a map.
-    point_maps: Vec<Option<DirectionMap>>,
+    point_maps: Vec<Option<point::PointMap>>,
     /// Bounding sphere of the scene.
     pub ball: BoundingSphere,
     total_area: f64,

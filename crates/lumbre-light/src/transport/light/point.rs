@@ -1,12 +1,12 @@
 //! Point lights: with the same intensity in every direction, with the intensity of a spot light's
-//! cone, or with that of a goniometric light's map.
+//! cone, with that of its image too, or with that of a goniometric light's map.
 
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::environment::DirectionMap;
+use super::environment::{DirectionMap, Edge, bilinear};
 use super::source::{EmittingLanes, LightFacts, LightSource, PowerContext};
 use super::table::light_rows;
 use super::tree::LightBounds;
@@ -16,7 +16,7 @@ use crate::math::real::{Mask, Real, Vector};
 use crate::math::simd::{Lanes, map_vectors};
 use crate::math::{Frame, warp};
 use crate::scene::CompiledScene;
-use crate::scene::compile::PointLight;
+use crate::scene::compile::{Cone, MapSpace, PointLight, Texture};
 
 /// The cones of point lights: [`Cone`](crate::scene::compile::Cone) in lanes.
 #[derive(Clone, Copy, Debug)]
@@ -29,6 +29,21 @@ struct Cones<R: Real> {
     smooth: R::Mask,
     /// Whether the cone contains all directions.
     whole: R::Mask,
+}
+
+impl Cones<f32> {
+    /// Returns one cone.
+    fn of(cone: &Cone) -> Cones<f32> {
+        Cones {
+            axis: cone.axis,
+            beam: cone.beam,
+            cutoff: cone.cutoff,
+            beam_height: cone.beam_height,
+            cutoff_height: cone.cutoff_height,
+            smooth: cone.smooth,
+            whole: cone.is_whole(),
+        }
+    }
 }
 
 impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Cones<R> {
@@ -90,17 +105,93 @@ impl<R: Real<Vec3 = V>, V: Vector<Scalar = R>> Cones<R> {
     }
 }
 
-/// Flags of a point light with a map.
+/// Least flags of a point light with a map; the rest is 1 for a smooth cone.
 const MAPPED: f32 = 2.0;
 
-/// Returns the map of a point light, if it has one.
-pub(super) fn direction_map(light: &PointLight, scene: &CompiledScene) -> Option<DirectionMap> {
-    let map = light.map?;
-    let texture = scene.textures.get(map.texture as usize)?;
-    Some(DirectionMap::new(
-        Arc::new(texture.clone()),
-        map.rotation_rad,
-    ))
+/// The map of a point light.
+#[derive(Clone, Debug)]
+pub(super) enum PointMap {
+    /// A map of all directions.
+    Sphere(DirectionMap),
+    /// An image across the axis.
+    Plane(PlaneMap),
+}
+
+/// An image that a spot light projects.
+#[derive(Clone, Debug)]
+pub(super) struct PlaneMap {
+    texture: Arc<Texture>,
+    axis: Vec3,
+    right: Vec3,
+    up: Vec3,
+    even: bool,
+}
+
+impl PointMap {
+    /// Returns the map of a point light, if it has one.
+    pub fn new(light: &PointLight, scene: &CompiledScene) -> Option<PointMap> {
+        let map = light.map?;
+        let texture = Arc::new(scene.textures.get(map.texture as usize)?.clone());
+        Some(match map.mapping {
+            MapSpace::Sphere { rotation_rad } => {
+                PointMap::Sphere(DirectionMap::new(texture, rotation_rad))
+            }
+            MapSpace::Plane { right, up, even } => PointMap::Plane(PlaneMap {
+                texture,
+                axis: light.cone.axis,
+                right,
+                up,
+                even,
+            }),
+        })
+    }
+
+    /// Returns the factor on the intensity in a unit direction.
+    fn color(&self, dir: Vec3) -> Vec3 {
+        match self {
+            PointMap::Sphere(map) => map.color(dir),
+            PointMap::Plane(map) => map.color(dir),
+        }
+    }
+}
+
+impl PlaneMap {
+    /// Returns the factor on the intensity in a unit direction.
+    fn color(&self, dir: Vec3) -> Vec3 {
+        let cos = dir.dot(self.axis);
+        let (x, y) = (dir.dot(self.right) / cos, dir.dot(self.up) / cos);
+        if !(cos > 0.0 && x.abs() <= 1.0 && y.abs() <= 1.0) {
+            return Vec3::ZERO;
+        }
+        let color = bilinear(&self.texture, [0.5 + 0.5 * x, 0.5 - 0.5 * y], Edge::Clamped);
+        if self.even {
+            color / (cos * cos * cos)
+        } else {
+            color
+        }
+    }
+
+    /// Returns the luminance of the intensity with the falloff of a cone, integrated over all
+    /// directions by the midpoint rule.
+    fn power(&self, intensity: Vec3, cone: &Cones<f32>) -> f64 {
+        let across = [self.texture.width, self.texture.height].map(|n| n.clamp(64, 1024));
+        // Vectors of the plane at distance 1 to its right and upper edge.
+        let normal = self.right.cross(self.up).as_dvec3();
+        let [right, up] = [
+            self.up.as_dvec3().cross(normal) / normal.length_squared(),
+            normal.cross(self.right.as_dvec3()) / normal.length_squared(),
+        ];
+        let area = right.cross(up).length() * 4.0 / f64::from(across[0] * across[1]);
+        let at = |i: u32, n: u32| 2.0 * (f64::from(i) + 0.5) / f64::from(n) - 1.0;
+        let points = (0..across[1]).flat_map(|j| (0..across[0]).map(move |i| (i, j)));
+        let light = points.map(|(i, j)| {
+            let p = self.axis.as_dvec3() + right * at(i, across[0]) + up * at(j, across[1]);
+            let dir = p.normalize().as_vec3();
+            let solid_angle = area / p.length_squared().powf(1.5);
+            luminance_of(self.color(dir) * intensity) * f64::from(cone.falloff(dir)) * solid_angle
+        });
+        light.sum()
+    }
 }
 
 impl Lights {
@@ -119,16 +210,15 @@ impl LightSource for PointLight {
         let first = [
             p.x, p.y, p.z, axis.x, axis.y, axis.z, heights[0], heights[1],
         ];
-        let flags = match self.map {
-            None => f32::from(u8::from(cone.smooth)),
-            Some(_) => MAPPED,
-        };
-        let power = match direction_map(self, scene) {
+        let smooth = f32::from(u8::from(cone.smooth));
+        let flags = smooth + if self.map.is_some() { MAPPED } else { 0.0 };
+        let power = match PointMap::new(self, scene) {
             None => {
                 let falloff = 4.0 * std::f64::consts::PI * cone.mean_falloff();
                 falloff * luminance_of(self.intensity)
             }
-            Some(map) => map.power(self.intensity),
+            Some(PointMap::Sphere(map)) => map.power(self.intensity),
+            Some(PointMap::Plane(map)) => map.power(self.intensity, &Cones::of(cone)),
         };
         LightFacts {
             rows: light_rows(
@@ -159,7 +249,7 @@ impl<R: Lanes<N>, const N: usize> EmittingLanes<R, N> for PointLight {
     #[inline(always)]
     fn emitted(lights: &SelectedLights<R, N>, dir: R::Vec3, lanes: R::Mask) -> R::Vec3 {
         let intensity = lights.radiance() * lights.cones().falloff(dir);
-        let mapped = lanes & lights.flags().eq(R::splat(MAPPED));
+        let mapped = lanes & lights.flags().ge(R::splat(MAPPED));
         if !mapped.any() {
             return intensity;
         }
@@ -181,8 +271,72 @@ impl<R: Lanes<N>, const N: usize> SelectedLights<'_, R, N> {
             cutoff: second[1],
             beam_height: first[6],
             cutoff_height: first[7],
-            smooth: self.flags().gt(R::splat(0.0)),
+            smooth: self.flags().eq(R::splat(1.0)) | self.flags().eq(R::splat(MAPPED + 1.0)),
             whole: first[7].ge(R::splat(2.0)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::desc::{ConeDesc, ConeEdge};
+
+    /// Returns the map of an image on a plane, 2 tan 30 degrees wide and half as high, for a light
+    /// that looks along +x with +z up, and a cone around it.
+    fn plane(texels: &[[f32; 3]], even: bool) -> (PlaneMap, Cones<f32>) {
+        let half = 30f32.to_radians().tan();
+        let map = PlaneMap {
+            texture: Arc::new(Texture::new(2, texels.len() as u32 / 2, texels.to_vec())),
+            axis: Vec3::X,
+            right: Vec3::NEG_Y / half,
+            up: Vec3::Z * 2.0 / half,
+            even,
+        };
+        let cone = ConeDesc {
+            beam_deg: 60.0,
+            cutoff_deg: 60.0,
+            edge: ConeEdge::Linear,
+        };
+        (map, Cones::of(&Cone::new(Vec3::X, &cone)))
+    }
+
+    #[test]
+    fn images_are_upright_and_end_at_their_edges() {
+        let half = 30f32.to_radians().tan();
+        let (map, _) = plane(&[[1.0; 3], [2.0; 3], [3.0; 3], [4.0; 3]], false);
+        let at = |x: f32, y: f32| {
+            let dir = Vec3::new(1.0, -x * half, y * half / 2.0).normalize_or_zero();
+            map.color(dir).x
+        };
+        for (x, y, expected) in [
+            (-0.9, 0.9, 1.0),
+            (0.9, 0.9, 2.0),
+            (-0.9, -0.9, 3.0),
+            (0.9, -0.9, 4.0),
+            (0.0, 0.0, 2.5),
+            (1.01, 0.0, 0.0),
+            (0.0, -1.01, 0.0),
+        ] {
+            assert!((at(x, y) - expected).abs() < 1e-4, "{x} {y}: {}", at(x, y));
+        }
+        assert_eq!(map.color(Vec3::NEG_X), Vec3::ZERO);
+    }
+
+    #[test]
+    fn the_power_of_images_is_their_integral_over_directions() {
+        let half = 30f64.to_radians().tan();
+        // An even irradiance has the area of the image at distance 1, an even intensity its solid
+        // angle.
+        let area = 4.0 * half * half / 2.0;
+        let across = half * half / 2.0 / ((1.0 + half * half) * (1.0 + half * half / 4.0)).sqrt();
+        for (even, expected) in [(true, area), (false, 4.0 * across.asin())] {
+            let (map, cone) = plane(&[[1.0; 3]; 2], even);
+            let found = map.power(Vec3::ONE, &cone);
+            assert!(
+                (found / expected - 1.0).abs() < 1e-3,
+                "{even}: {found}, not {expected}"
+            );
         }
     }
 }

@@ -130,7 +130,7 @@ impl Lights {
         let point_maps = scene
             .points
             .iter()
-            .map(|light| point::direction_map(light, scene));
+            .map(|light| point::PointMap::new(light, scene));
         let environment = scene.environment.as_ref();
         let environment_light = environment.and_then(|e| EnvironmentLight::new(e, compensated));
         let first = first_indices(scene);

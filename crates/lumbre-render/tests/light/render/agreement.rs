@@ -9,7 +9,7 @@ use lumbre_light::film::Film;
 use lumbre_light::math::stats::{normal_two_sided_p, sidak};
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{
-    Cone, DirectionalLight, Environment, IntensityMap, Material, PointLight, Texture,
+    Cone, DirectionalLight, Environment, IntensityMap, MapSpace, Material, PointLight, Texture,
 };
 use lumbre_light::scene::desc::{ConeDesc, ConeEdge};
 use lumbre_light::transport::contribution::Contribution;
@@ -487,7 +487,7 @@ fn integrators_agree_on_point_and_directional_lights() {
         .push(Texture::new(5, 3, (0..15).map(|i| side(i % 5)).collect()));
     let map = IntensityMap {
         texture: scene.textures.len() as u32 - 1,
-        rotation_rad: 0.4,
+        mapping: MapSpace::Sphere { rotation_rad: 0.4 },
     };
     for (offset, map) in [(Vec3::ZERO, None), (Vec3::NEG_X, Some(map))] {
         scene.points.push(PointLight {
@@ -508,6 +508,18 @@ fn integrators_agree_on_point_and_directional_lights() {
         intensity: 3.0 * intensity,
         cone,
         map: None,
+    });
+    let right = cone.axis.any_orthonormal_vector() / cone.cutoff.tan();
+    let mapping = MapSpace::Plane {
+        right,
+        up: right.cross(cone.axis),
+        even: true,
+    };
+    scene.points.push(PointLight {
+        position: Vec3::new(0.1, 1.45, 0.4),
+        intensity,
+        cone,
+        map: Some(IntensityMap { mapping, ..map }),
     });
     let direction = Vec3::new(-0.3, -1.0, -0.4).normalize_or_zero();
     scene.directionals.push(DirectionalLight {

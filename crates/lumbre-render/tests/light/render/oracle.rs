@@ -6,7 +6,8 @@ use std::sync::Arc;
 use glam::{Vec2, Vec3};
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::{
-    Cone, DirectionalLight, Environment, IntensityMap, Material, Model, PointLight, Texture,
+    Cone, DirectionalLight, Environment, IntensityMap, MapSpace, Material, Model, PointLight,
+    Texture,
 };
 use lumbre_light::scene::desc::{CameraKind, ConeDesc, ConeEdge};
 use lumbre_light::transport::arrival::SurfaceClasses;
@@ -366,7 +367,7 @@ fn weights_are_exact_for_environments_directional_lights_and_points() {
     ));
     let map = IntensityMap {
         texture: scene.textures.len() as u32 - 1,
-        rotation_rad: 0.7,
+        mapping: MapSpace::Sphere { rotation_rad: 0.7 },
     };
     for (offset, map) in [(Vec3::ZERO, None), (Vec3::Z, Some(map))] {
         scene.points.push(PointLight {
@@ -387,6 +388,18 @@ fn weights_are_exact_for_environments_directional_lights_and_points() {
         intensity,
         cone,
         map: None,
+    });
+    let right = cone.axis.any_orthonormal_vector() / cone.cutoff.tan();
+    let mapping = MapSpace::Plane {
+        right,
+        up: right.cross(cone.axis),
+        even: true,
+    };
+    scene.points.push(PointLight {
+        position: Vec3::new(0.1, 1.45, 0.4),
+        intensity,
+        cone,
+        map: Some(IntensityMap { mapping, ..map }),
     });
     let direction = Vec3::new(-0.3, -1.0, -0.4).normalize_or_zero();
     scene.directionals.push(DirectionalLight {

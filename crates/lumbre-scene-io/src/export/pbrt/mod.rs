@@ -16,7 +16,9 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use self::surface::{Surfaces, Written};
 use self::text::Text;
+use super::lights::{image_axes, is_whole};
 use super::mesh::MeshWriter;
+use super::texture::TexelConversion;
 use super::texture::TextureWriter;
 use super::uses::{self, InstanceKey, MeshUses};
 use super::{Exported, OutputFolder, identifier, sphere_place};
@@ -333,7 +335,42 @@ impl PbrtWriter<'_> {
                     direction,
                     intensity,
                     cone,
+                    image: Some(ref image),
+                } if is_whole(image, direction, &cone) => {
+                    let conversion = TexelConversion::Light(intensity);
+                    let file = self
+                        .textures
+                        .file(&image.texture, conversion, &mut self.folder)?;
+                    text.begin("Attribute");
+                    let axes = image_axes(image, direction);
+                    text.transform(&DAffine3::from_mat3_translation(axes, position.as_dvec3()));
+                    text.directive("LightSource", "projection");
+                    text.string("string filename", &file);
+                    let half = image.right.length().min(image.up.length());
+                    text.number("float fov", 2.0 * half.atan().to_degrees());
+                    text.end("Attribute");
+                    let place = format!("lights.{}", light.name);
+                    self.notes
+                        .push(Note::new("", &place, model_differences::PBRT_PROJECTION));
+                    if image.even {
+                        let text = "pbrt dims the edges of a projected image, which has the same \
+                                    intensity in all directions there";
+                        self.notes.push(Note::new("", &place, text));
+                    }
+                }
+                LightKind::Spot {
+                    position,
+                    direction,
+                    intensity,
+                    cone,
+                    ref image,
                 } => {
+                    if image.is_some() {
+                        let place = format!("lights.{}", light.name);
+                        let text =
+                            "an image with a falloff has no counterpart in pbrt; it is left out";
+                        self.notes.push(Note::new("", &place, text));
+                    }
                     text.directive("LightSource", "spot");
                     text.vector("rgb I", intensity);
                     text.vector("point3 from", position);

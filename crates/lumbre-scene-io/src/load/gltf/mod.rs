@@ -382,6 +382,7 @@ impl GltfLoader<'_> {
                 intensity: color,
                 cone: spot_cone(&light["spot"])
                     .map_err(|problem| self.document.error(place, problem))?,
+                image: None,
             },
             _ => {
                 self.note(place, "a light of an unknown type is ignored");

@@ -7,14 +7,14 @@ use std::sync::Arc;
 
 use glam::{DMat3, DVec3, Vec3};
 
-use super::as_texture;
 use super::sky;
 use super::texture::{self, TextureReader};
 use super::tree::XmlObject;
+use super::{as_texture, sensor};
 use crate::load::environment::{FINE_ROWS, MAX_HEIGHT, MIN_HEIGHT, bilinear, resampled};
 use lumbre_light::scene::desc::{
     ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, MaterialDesc,
-    TextureDesc, TextureSlot,
+    SpotImage, Texels, TextureDesc, TextureSlot,
 };
 use lumbre_light::scene::{Note, SceneError};
 
@@ -88,7 +88,13 @@ pub(super) fn read(
             Ok(Some(placed(kind, position)))
         }
         "spot" => {
-            let kind = spot(o, notes)?;
+            let kind = spot(o, textures, notes)?;
+            Ok(Some(placed(kind, o.transform("to_world")?.translation)))
+        }
+        "projector" => {
+            let Some(kind) = projector(o, textures, notes)? else {
+                return Ok(None);
+            };
             Ok(Some(placed(kind, o.transform("to_world")?.translation)))
         }
         "directional" => {
@@ -194,8 +200,76 @@ fn in_direction(map: &TextureDesc, d: DVec3) -> [f32; 3] {
     bilinear(map, x, y)
 }
 
+/// Reads the image that is the texture of a light; `None`, with a note, if it is not supported.
+fn light_image(
+    t: &Rc<XmlObject>,
+    textures: &mut TextureReader,
+    notes: &mut Vec<Note>,
+) -> Result<Option<Arc<TextureDesc>>, SceneError> {
+    let Some(read) = textures.read(t, notes)? else {
+        return Ok(None);
+    };
+    if !read.is_plain() {
+        notes.push(t.note(
+            "the image of a light is interpolated and covers it once; `to_uv` and other filters are \
+             ignored",
+        ));
+    }
+    Ok(Some(read.image))
+}
+
+/// Reads a projector, whose image is an irradiance at distance 1; `None`, with a note, if its
+/// texture is not supported.
+fn projector(
+    o: &Rc<XmlObject>,
+    textures: &mut TextureReader,
+    notes: &mut Vec<Note>,
+) -> Result<Option<LightKind>, SceneError> {
+    let map = o.transform("to_world")?;
+    let scale = o.number("scale", 1.0)?;
+    if !(0.0..=1e9).contains(&scale) {
+        return Err(o.error(format!("`scale` must be between 0 and 1e9, found {scale}")));
+    }
+    let texture = match as_texture(o.property("irradiance")) {
+        Some(t) => match light_image(t, textures, notes)? {
+            Some(image) => image,
+            None => return Ok(None),
+        },
+        None => {
+            let [r, g, b] = radiometric_color(o, "irradiance")?.to_array();
+            let texels = Texels::RgbaF32(vec![[r, g, b, 1.0]]);
+            Arc::new(TextureDesc::new("", 1, 1, texels))
+        }
+    };
+    let size = [texture.width, texture.height];
+    let half = (f64::from(sensor::fov(o, size)?).to_radians() / 2.0).tan();
+    let side = |v: DVec3| map.transform_vector3(v).as_vec3();
+    let image = SpotImage {
+        // Its space is that of a camera, with +x to the left.
+        right: side(DVec3::NEG_X * (half * f64::from(size[0]) / f64::from(size[1]))),
+        up: side(DVec3::Y * half),
+        even: true,
+        texture,
+    };
+    let direction = side(DVec3::Z);
+    if direction.try_normalize().is_none() {
+        return Err(o.error("`to_world` is not invertible"));
+    }
+    Ok(Some(LightKind::Spot {
+        position: map.translation.as_vec3(),
+        direction,
+        intensity: Vec3::splat(scale as f32),
+        cone: image.cone(),
+        image: Some(image),
+    }))
+}
+
 /// Reads a spot light.
-fn spot(o: &XmlObject, notes: &mut Vec<Note>) -> Result<LightKind, SceneError> {
+fn spot(
+    o: &Rc<XmlObject>,
+    textures: &mut TextureReader,
+    notes: &mut Vec<Note>,
+) -> Result<LightKind, SceneError> {
     let map = o.transform("to_world")?;
     let cutoff = o.number("cutoff_angle", 20.0)?;
     let beam = o.number("beam_width", 0.75 * cutoff)?;
@@ -211,14 +285,27 @@ fn spot(o: &XmlObject, notes: &mut Vec<Note>) -> Result<LightKind, SceneError> {
              cutoff < 180 and an invertible `to_world`"
         )));
     }
-    if let Some(t) = as_texture(o.property("texture")) {
-        notes.push(t.note("textures of spot lights are not supported; ignored"));
-    }
+    let texture = match as_texture(o.property("texture")) {
+        Some(t) => light_image(t, textures, notes)?,
+        None => None,
+    };
+    let image = texture.map(|texture| {
+        // The image is turned by half a turn about the axis, and as wide as the cone.
+        let half = cutoff.min(89.9).to_radians().tan();
+        let side = |v: DVec3| map.transform_vector3(v).normalize_or(v).as_vec3();
+        SpotImage {
+            right: side(DVec3::X) * half as f32,
+            up: side(DVec3::NEG_Y) * half as f32,
+            even: false,
+            texture,
+        }
+    });
     Ok(LightKind::Spot {
         position: map.translation.as_vec3(),
         direction,
         intensity: radiometric_color(o, "intensity")?,
         cone,
+        image,
     })
 }
 

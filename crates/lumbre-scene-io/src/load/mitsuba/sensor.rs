@@ -210,7 +210,7 @@ fn pixels(film: &XmlObject, key: &str, least: u32, default: u32) -> Result<u32, 
 }
 
 /// Returns the vertical field of view in degrees.
-fn fov(o: &XmlObject, [width, height]: [u32; 2]) -> Result<f32, SceneError> {
+pub(super) fn fov(o: &XmlObject, [width, height]: [u32; 2]) -> Result<f32, SceneError> {
     let aspect = f64::from(width) / f64::from(height);
     let diagonal = |half_height: f64| half_height * aspect.hypot(1.0);
     // Half the height of the image at distance one.

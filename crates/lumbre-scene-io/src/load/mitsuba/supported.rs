@@ -207,8 +207,13 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`spot`",
-        support: "`cutoff_angle`, `beam_width`, `intensity`, `to_world`",
-        limits: "its texture is noted",
+        support: "`cutoff_angle`, `beam_width`, `intensity`, `texture`, `to_world`",
+        limits: "other filters and `to_uv` of the texture are noted",
+    },
+    SupportedElement {
+        name: "`projector`",
+        support: "`irradiance`, `scale`, `fov`, `fov_axis`, `focal_length`, `to_world`",
+        limits: "other filters and `to_uv` of the image are noted",
     },
     SupportedElement {
         name: "other emitters",

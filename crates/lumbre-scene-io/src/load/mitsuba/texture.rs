@@ -25,6 +25,11 @@ pub(super) struct LoadedTexture {
 }
 
 impl LoadedTexture {
+    /// Returns whether an interpolated image covers the texture coordinates from 0 to 1 once.
+    pub fn is_plain(&self) -> bool {
+        self.to_uv == DAffine3::IDENTITY && self.is_interpolated()
+    }
+
     /// Returns whether values are interpolated between texels.
     pub fn is_interpolated(&self) -> bool {
         self.filter == TextureFilter::Bilinear

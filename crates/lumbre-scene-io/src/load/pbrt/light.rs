@@ -11,6 +11,7 @@ use super::spectrum::{Spectra, Use};
 use super::texture::{TextureContext, TextureReader};
 use super::token::truncated;
 use super::version::Version;
+use crate::load::environment::texel;
 use crate::load::images::mean_texel;
 use crate::model_differences;
 use lumbre_light::math::luminance::luminance_f32;
@@ -18,7 +19,7 @@ use lumbre_light::scene::compile::Curve;
 use lumbre_light::scene::desc::light::CUTOFF_RANGE;
 use lumbre_light::scene::desc::{
     ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightKind, MaterialDesc, ShapeDesc,
-    Texels, TextureDesc, TextureSlot,
+    SpotImage, Texels, TextureDesc, TextureSlot,
 };
 use lumbre_light::scene::{Note, SceneError};
 
@@ -185,6 +186,10 @@ impl LightReader<'_> {
         let light = match class {
             "point" => SceneLight::Light(self.point(params, to_world)?, from),
             "spot" => SceneLight::Light(self.spot(params, to_world)?, from),
+            "projection" => match self.projection(params, to_world)? {
+                Some(kind) => SceneLight::Light(kind, to_world.translation),
+                None => return Ok(None),
+            },
             "goniometric" => {
                 SceneLight::Light(self.goniometric(params, to_world)?, to_world.translation)
             }
@@ -264,7 +269,62 @@ impl LightReader<'_> {
             direction,
             intensity: Self::limited(params, intensity, by)?,
             cone,
+            image: None,
         })
+    }
+
+    /// Reads a `projection` light, whose angle is that of the shorter side of its image; `None` if
+    /// the image cannot be read and the policy allows it.
+    fn projection(
+        &mut self,
+        params: &Params,
+        to_world: &DAffine3,
+    ) -> Result<Option<LightKind>, SceneError> {
+        let (name, angle, intensity, up) = match self.spectra.version {
+            Version::V3 => ("mapname", 45.0, self.color(params, "I")?, DVec3::NEG_Y),
+            Version::V4 => ("filename", 90.0, Vec3::ONE, DVec3::Y),
+        };
+        let angle = params.number("fov", angle)?;
+        let scale = params.number("scale", 1.0)?;
+        let power = params.number("power", -1.0)?;
+        let Some(file) = params.text(name)? else {
+            return Err(params.error(format!("a projection light needs a `{name}`")));
+        };
+        if !(angle > 0.0 && angle < 179.0) {
+            return Err(params.error(format!(
+                "`fov` must be between 0 and 179 degrees, found {angle}"
+            )));
+        }
+        let mut context = TextureContext {
+            spectra: self.spectra,
+            notes: self.notes,
+        };
+        let Some(texture) = self.textures.file(params, file, &mut context)? else {
+            return Ok(None);
+        };
+        let [w, h] = [texture.width, texture.height].map(f64::from);
+        let half = (angle.to_radians() / 2.0).tan() / w.min(h);
+        let by = if power > 0.0 {
+            power / emitted(&texture, [half * w, half * h]).max(1e-30)
+        } else {
+            scale
+        };
+        let side = |v: DVec3| to_world.transform_vector3(v).as_vec3();
+        let image = SpotImage {
+            right: side(DVec3::X * half * w),
+            up: side(up * half * h),
+            even: false,
+            texture,
+        };
+        self.notes
+            .push(params.note(model_differences::PBRT_PROJECTION));
+        Ok(Some(LightKind::Spot {
+            position: to_world.translation.as_vec3(),
+            direction: side(DVec3::Z),
+            intensity: Self::limited(params, intensity, by)?,
+            cone: image.cone(),
+            image: Some(image),
+        }))
     }
 
     /// Reads a `goniometric` light; a point light without a map, or if its image cannot be read and
@@ -410,6 +470,20 @@ impl LightReader<'_> {
             ..EnvironmentDesc::new(EnvironmentSource::Map(Arc::new(map)))
         }))
     }
+}
+
+/// Returns the power of an image that is projected with an intensity of 1, by luminance; `half` has
+/// half its width and half its height at distance 1.
+fn emitted(image: &TextureDesc, half: [f64; 2]) -> f64 {
+    let [w, h] = [image.width, image.height];
+    let at = |i: u32, n: u32| 2.0 * (f64::from(i) + 0.5) / f64::from(n) - 1.0;
+    let area = 4.0 * half[0] * half[1] / (f64::from(w) * f64::from(h));
+    let points = (0..h).flat_map(|y| (0..w).map(move |x| (x, y)));
+    let light = points.map(|(x, y)| {
+        let p = DVec3::new(half[0] * at(x, w), half[1] * at(y, h), 1.0);
+        f64::from(luminance_f32(texel(image, x, y))) * area / p.length().powi(3)
+    });
+    light.sum()
 }
 
 /// Returns a map with other linear colours.

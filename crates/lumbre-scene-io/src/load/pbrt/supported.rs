@@ -198,6 +198,11 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
         limits: "the size of the difference of its falloff is noted",
     },
     SupportedElement {
+        name: "`projection`",
+        support: "`fov`; `filename`, `scale` and `power` in version 4, `mapname` and `I` in version 3",
+        limits: "the image is interpolated, with a note",
+    },
+    SupportedElement {
         name: "`goniometric`",
         support: "`I`, and a map: `filename` of equal areas in version 4, `mapname` by longitude \
                   and latitude in version 3; `power` in version 4",

@@ -9,7 +9,7 @@ use super::reader::{Diagnostics, JsonObject, numbers};
 use crate::names::UniqueNames;
 use lumbre_light::scene::SceneError;
 use lumbre_light::scene::desc::{
-    ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind,
+    ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, SpotImage,
 };
 
 const LIGHT_TYPES: [&str; 4] = ["point", "directional", "spot", "goniometric"];
@@ -52,11 +52,13 @@ pub(super) fn read(
             let direction = object
                 .vec3("direction", diagnostics)?
                 .ok_or_else(|| missing("direction", diagnostics))?;
+            let image = projected(direction, &mut object, textures, diagnostics)?;
             LightKind::Spot {
                 position: vector,
                 direction,
                 intensity: color,
-                cone: cone(place, direction, &mut object, diagnostics)?,
+                cone: cone(place, direction, image.as_ref(), &mut object, diagnostics)?,
+                image,
             }
         }
         "goniometric" => LightKind::Goniometric {
@@ -80,9 +82,15 @@ pub(super) fn read(
     };
     let known = ["type", "name", vector_key, color_key];
     object.note_unknown(
-        known
-            .into_iter()
-            .chain(["direction", "cutoff", "beam", "map", "rotation"]),
+        known.into_iter().chain([
+            "direction",
+            "cutoff",
+            "beam",
+            "map",
+            "rotation",
+            "angle",
+            "up",
+        ]),
         diagnostics,
     );
     let name = super::unique_name(names, given.as_deref(), what, place, diagnostics);
@@ -100,16 +108,43 @@ fn required_keys(light_type: &str) -> Option<[&'static str; 2]> {
     }
 }
 
-/// Reads the cone of a spot light.
+/// Reads the image that a spot light projects: `map`, with the `angle` of its width, and `up`.
+fn projected(
+    direction: Vec3,
+    object: &mut JsonObject,
+    textures: &mut TextureFiles,
+    diagnostics: &mut Diagnostics,
+) -> Result<Option<SpotImage>, SceneError> {
+    let Some(texture) = textures.load("map", object, diagnostics)? else {
+        return Ok(None);
+    };
+    let (at, angle) = object
+        .number("angle", diagnostics)?
+        .unwrap_or_else(|| (String::new(), SpotImage::ANGLE));
+    if !(angle > 0.0 && angle < 179.0) {
+        return Err(diagnostics.error(
+            at,
+            "the angle of an image must be between 0 and 179 degrees",
+        ));
+    }
+    let up = object.vec3("up", diagnostics)?.unwrap_or(Vec3::Y);
+    let image = SpotImage::projected(texture, direction, up, angle as f32);
+    Ok(Some(image))
+}
+
+/// Reads the cone of a spot light. That of one with an image contains the image by default.
 fn cone(
     place: &str,
     direction: Vec3,
+    image: Option<&SpotImage>,
     object: &mut JsonObject,
     diagnostics: &Diagnostics,
 ) -> Result<ConeDesc, SceneError> {
-    let cutoff_deg = object
-        .number("cutoff", diagnostics)?
-        .map_or(20.0, |(_, x)| x as f32);
+    let cutoff = object.number("cutoff", diagnostics)?;
+    if let (None, Some(image)) = (&cutoff, image) {
+        return Ok(image.cone());
+    }
+    let cutoff_deg = cutoff.map_or(20.0, |(_, x)| x as f32);
     let beam_deg = object
         .number("beam", diagnostics)?
         .map_or(0.75 * cutoff_deg, |(_, x)| x as f32);

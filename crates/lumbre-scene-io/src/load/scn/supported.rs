@@ -52,7 +52,7 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`lights`",
-        support: "`point`, `spot`, `goniometric` and `directional`; an addition of Lumbre",
+        support: "`point`, `spot`, also with an image, `goniometric` and `directional`; an addition of Lumbre",
         limits: "",
     },
     SupportedElement {
