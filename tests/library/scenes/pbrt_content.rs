@@ -296,7 +296,7 @@ fn textures_are_decoded_scaled_and_mapped() {
     assert_eq!(with(mix, color).0.base_color, Vec3::new(0.75, 0.25, 0.0));
     let (m, notes) = with("\"spectrum\" \"wrinkled\"", color);
     assert!(
-        m.base_color == Vec3::splat(0.5) && notes.contains("its mean is used"),
+        m.base_color == Vec3::splat(0.398_437_5) && notes.contains("its mean is used"),
         "{notes}"
     );
 }

@@ -162,6 +162,32 @@ impl ImageCache {
         )
     }
 
+    /// Returns a float image whose texels are computed from their columns and rows, unless it was
+    /// computed before; `how` names the function.
+    ///
+    /// # Errors
+    /// Fails like [`ImageCache::derived`], and for values that are not finite.
+    pub fn generated(
+        &mut self,
+        how: &str,
+        file: &Path,
+        [width, height]: [u32; 2],
+        f: impl Fn(u32, u32) -> Vec3,
+    ) -> Result<Arc<TextureDesc>, String> {
+        let row = |y| (0..width).map(move |x| [x, y]);
+        let places = (0..height).flat_map(row);
+        let texels = || {
+            places
+                .map(|[x, y]| f(x, y).extend(1.0).to_array())
+                .collect()
+        };
+        let image = self.computed(([0; 32], how.to_owned()), (file, [width, height]), texels)?;
+        match &image.texels {
+            Texels::RgbaF32(t) if t.as_flattened().iter().all(|x| x.is_finite()) => Ok(image),
+            _ => Err("the computed image has values that are not finite".to_owned()),
+        }
+    }
+
     /// Returns a derived image by its key, computing its texels unless it was derived before.
     fn computed(
         &mut self,
@@ -172,18 +198,15 @@ impl ImageCache {
         if let Some(known) = self.derived.get(&key) {
             return Ok(known.clone());
         }
-        self.derived_bytes += 16 * u64::from(width) * u64::from(height);
-        if self.derived_bytes
-            > self
-                .read_bytes
-                .saturating_mul(MAX_DERIVED_RATIO)
-                .saturating_add(SMALL_DERIVED_BYTES)
-        {
+        let bytes = self.derived_bytes + 16 * u64::from(width) * u64::from(height);
+        let most = self.read_bytes.saturating_mul(MAX_DERIVED_RATIO);
+        if bytes > most.saturating_add(SMALL_DERIVED_BYTES) {
             return Err(format!(
                 "converted textures would take {} MiB, too much for the size of their images",
-                self.derived_bytes >> 20
+                bytes >> 20
             ));
         }
+        self.derived_bytes = bytes;
         let texture = Arc::new(TextureDesc::new(
             file,
             width,
@@ -216,13 +239,6 @@ pub(super) fn is_grey(image: &TextureDesc) -> bool {
         Texels::Rgba8(t) => t.iter().all(|[r, g, b, _]| r == g && g == b),
         Texels::RgbaF32(t) => t.iter().all(|[r, g, b, _]| r == g && g == b),
     }
-}
-
-/// Returns the image of a checkerboard, a texel for each of its 2 by 2 fields: the first colour is at
-/// the top left and at the bottom right. Its edges are sharp with the filter `nearest`.
-pub(super) fn checkerboard([first, second]: [Vec3; 2]) -> Arc<TextureDesc> {
-    let texels = [first, second, second, first].map(|c| [c.x, c.y, c.z, 1.0]);
-    Arc::new(TextureDesc::new("", 2, 2, Texels::RgbaF32(texels.into())))
 }
 
 /// Returns the size of texels in bytes.

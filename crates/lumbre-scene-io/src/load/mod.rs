@@ -5,6 +5,7 @@
 //! files.
 
 mod beside;
+mod composed;
 pub(super) mod default_scene;
 mod environment;
 pub mod files;

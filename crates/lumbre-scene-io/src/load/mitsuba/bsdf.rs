@@ -12,8 +12,9 @@ use glam::Vec3;
 
 use super::super::metals;
 use super::MitsubaLoader;
-use super::texture::{LoadedTexture, TextureReader};
+use super::texture::TextureReader;
 use super::tree::{Property, PropertyValue, XmlObject};
+use crate::load::composed::ImageTexture;
 use crate::load::images::mean_texel;
 use crate::model_differences;
 use crate::names::UniqueNames;
@@ -135,7 +136,7 @@ impl BsdfReader<'_> {
     fn optional_texture(
         &mut self,
         o: Option<Rc<XmlObject>>,
-    ) -> Result<Option<LoadedTexture>, SceneError> {
+    ) -> Result<Option<ImageTexture>, SceneError> {
         match o {
             Some(o) => self.textures.read(&o, self.notes),
             None => Ok(None),
@@ -287,8 +288,8 @@ impl BsdfReader<'_> {
     }
 
     /// Sets the texture of a slot, with a note if its mapping is not supported.
-    fn set_texture(&mut self, o: &XmlObject, slot: TextureSlot, read: LoadedTexture) {
-        if let Err(e) = read.apply_to(&mut self.m, slot) {
+    fn set_texture(&mut self, o: &XmlObject, slot: TextureSlot, read: ImageTexture) {
+        if let Err(e) = read.apply_relative(&mut self.m, slot) {
             self.notes.push(o.note(e.to_string()));
         }
     }
@@ -453,7 +454,7 @@ impl BsdfReader<'_> {
     }
 
     /// Reads a texture of numbers.
-    fn number_texture(&mut self, o: &Rc<XmlObject>) -> Result<Option<LoadedTexture>, SceneError> {
+    fn number_texture(&mut self, o: &Rc<XmlObject>) -> Result<Option<ImageTexture>, SceneError> {
         let Some(read) = self.textures.read(o, self.notes)? else {
             return Ok(None);
         };

@@ -131,7 +131,7 @@ fn read_profile(
         let value = match o.property(name) {
             Some(Property::Object(t)) => {
                 if let Some(read) = loader.textures.read(t, &mut loader.notes)?
-                    && let Err(e) = read.apply_to(m, *slot)
+                    && let Err(e) = read.apply_relative(m, *slot)
                 {
                     loader.notes.push(t.note(e.to_string()));
                 }

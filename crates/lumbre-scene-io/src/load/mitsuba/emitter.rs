@@ -36,7 +36,7 @@ pub(super) fn set_emission(
     o.mark_read(&["sampling_weight"]);
     if let Some(t) = as_texture(o.property("radiance")) {
         if let Some(read) = textures.read(t, notes)? {
-            if let Err(e) = read.apply_to(material, TextureSlot::Emission) {
+            if let Err(e) = read.apply_relative(material, TextureSlot::Emission) {
                 notes.push(t.note(e.to_string()));
             }
             material.emission = Vec3::ONE;

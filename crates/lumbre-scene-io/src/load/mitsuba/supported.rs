@@ -166,8 +166,15 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`checkerboard`",
-        support: "`color0`, `color1`, `to_uv`, or `uscale`, `vscale`, `uoffset`, `voffset`",
-        limits: "textures of its colours are noted",
+        support: "`color0`, `color1`, colours or textures, `to_uv`, or `uscale`, `vscale`, \
+                  `uoffset`, `voffset`",
+        limits: "textures that do not repeat with the fields are replaced by their mean, with a \
+                 note",
+    },
+    SupportedElement {
+        name: "`scale` of version 0.6",
+        support: "a texture times `scale`, a number or a colour",
+        limits: "",
     },
     SupportedElement {
         name: "`mesh_attribute`",

@@ -1,4 +1,4 @@
-//! Textures of Mitsuba scenes: `bitmap` and `checkerboard`.
+//! Textures of Mitsuba scenes: `bitmap` and `checkerboard`, and `scale` of version 0.6.
 
 use std::rc::Rc;
 use std::sync::Arc;
@@ -6,7 +6,8 @@ use std::sync::Arc;
 use glam::{Affine2, DAffine3, DVec3, Mat2, Vec2, Vec3};
 
 use super::tree::{Property, XmlObject};
-use crate::load::images::{self, ImageCache};
+use crate::load::composed::{self, ImageTexture, TextureValue};
+use crate::load::images::ImageCache;
 use crate::load::{MissingTextures, with_lenient_hint};
 use lumbre_light::scene::compile::srgb_to_linear;
 use lumbre_light::scene::desc::{
@@ -14,61 +15,30 @@ use lumbre_light::scene::desc::{
 };
 use lumbre_light::scene::{Note, SceneError};
 
-/// A texture in the conventions of Mitsuba: coordinates start at the top left, before `to_uv`.
-#[derive(Clone)]
-pub(super) struct LoadedTexture {
-    /// Image of the texture.
-    pub image: Arc<TextureDesc>,
-    to_uv: DAffine3,
-    wrap: [Wrap; 2],
-    filter: TextureFilter,
-}
+/// Greatest nesting depth of textures.
+const MAX_NESTING: usize = 8;
 
-impl LoadedTexture {
-    /// Returns whether an interpolated image covers the texture coordinates from 0 to 1 once.
-    pub fn is_plain(&self) -> bool {
-        self.to_uv == DAffine3::IDENTITY && self.is_interpolated()
-    }
-
-    /// Returns whether values are interpolated between texels.
-    pub fn is_interpolated(&self) -> bool {
-        self.filter == TextureFilter::Bilinear
-    }
-
+impl ImageTexture {
     /// Sets the texture of a material's slot. A uniform scale and the offset of the first texture
-    /// become the material's own; the rest of `to_uv` is stored with the texture.
+    /// become the material's own; the rest of the map is stored with the texture.
     ///
     /// # Errors
     /// Fails if the map of the first texture is not invertible; the texture is then mapped like the
     /// first one.
-    pub fn apply_to(self, m: &mut MaterialDesc, slot: TextureSlot) -> Result<(), NoInverse> {
-        let (to, t) = (
-            self.to_uv.matrix3.as_mat3(),
-            self.to_uv.translation.as_vec3(),
-        );
-        // For coordinates that start at the bottom left: substitute v = 1 - v' on both sides of u'
-        // = a u + b v + tx, v' = c u + d v + ty.
-        let (a, b, c, d) = (to.x_axis.x, to.y_axis.x, to.x_axis.y, to.y_axis.y);
-        let uniform = b == 0.0 && c == 0.0 && (a - d).abs() <= 1e-6 * a.abs();
-        let own = Affine2 {
-            matrix2: Mat2::from_cols_array(&[a, -c, -b, if uniform { a } else { d }]),
-            translation: Vec2::new(b + t.x, 1.0 - d - t.y),
-        };
-        if m.textures.is_empty() && uniform {
-            (m.tiling, m.uv_offset) = (a, own.translation);
+    pub(super) fn apply_relative(
+        self,
+        m: &mut MaterialDesc,
+        slot: TextureSlot,
+    ) -> Result<(), NoInverse> {
+        let scale = self.map.matrix2;
+        let is_uniform = scale == Mat2::from_diagonal(Vec2::splat(scale.x_axis.x));
+        if m.textures.is_empty() && is_uniform {
+            (m.tiling, m.uv_offset) = (scale.x_axis.x, self.map.translation);
         }
         let tiling = Affine2::from_scale_angle_translation(Vec2::splat(m.tiling), 0.0, m.uv_offset);
-        m.set_texture(slot, Some(self.image));
-        let map = Lookup::relative_to(tiling, own);
-        m.set_lookup(
-            slot,
-            Lookup {
-                wrap: self.wrap,
-                filter: self.filter,
-                second: false,
-                map: map.unwrap_or(None),
-            },
-        );
+        let map = Lookup::relative_to(tiling, self.map);
+        let lookup = self.lookup(map.unwrap_or(None));
+        m.set_mapped_texture(slot, self.image, lookup);
         map.map(|_| ())
     }
 }
@@ -94,8 +64,8 @@ impl TextureReader {
     pub fn linear(
         &mut self,
         o: &XmlObject,
-        read: LoadedTexture,
-    ) -> Result<LoadedTexture, SceneError> {
+        read: ImageTexture,
+    ) -> Result<ImageTexture, SceneError> {
         match read.image.texels {
             Texels::Rgba8(_) => self.mapped(o, read, "linear", srgb_to_linear),
             Texels::RgbaF32(_) => Ok(read),
@@ -106,43 +76,43 @@ impl TextureReader {
     pub fn heights(
         &mut self,
         o: &XmlObject,
-        read: LoadedTexture,
-    ) -> Result<LoadedTexture, SceneError> {
+        read: ImageTexture,
+    ) -> Result<ImageTexture, SceneError> {
         let linear = self.linear(o, read)?;
         let image = self
             .images
             .heights(&linear.image)
             .map_err(|problem| o.error(problem))?;
-        Ok(LoadedTexture { image, ..linear })
+        Ok(ImageTexture { image, ..linear })
     }
 
     /// Reverses the second component of the normals of a map.
     pub fn green_reversed(
         &mut self,
         o: &XmlObject,
-        read: LoadedTexture,
-    ) -> Result<LoadedTexture, SceneError> {
+        read: ImageTexture,
+    ) -> Result<ImageTexture, SceneError> {
         let reverse = |[r, g, b, a]: [f32; 4]| [r, 1.0 - g, b, a];
         let image = self
             .images
             .derived(&read.image, "green reversed", reverse)
             .map_err(|problem| o.error(problem))?;
-        Ok(LoadedTexture { image, ..read })
+        Ok(ImageTexture { image, ..read })
     }
 
     /// Applies a function to every channel; `how` names it.
     pub fn mapped(
         &mut self,
         o: &XmlObject,
-        read: LoadedTexture,
+        read: ImageTexture,
         how: &str,
         f: fn(f32) -> f32,
-    ) -> Result<LoadedTexture, SceneError> {
+    ) -> Result<ImageTexture, SceneError> {
         let image = self
             .images
             .derived(&read.image, how, |texel| texel.map(f))
             .map_err(|problem| o.error(problem))?;
-        Ok(LoadedTexture { image, ..read })
+        Ok(ImageTexture { image, ..read })
     }
 
     /// Reads a texture. Returns `None`, with a note, if it is not supported, or cannot be read and
@@ -151,16 +121,41 @@ impl TextureReader {
         &mut self,
         o: &Rc<XmlObject>,
         notes: &mut Vec<Note>,
-    ) -> Result<Option<LoadedTexture>, SceneError> {
-        let to_uv = uv_transform(o)?;
+    ) -> Result<Option<ImageTexture>, SceneError> {
+        self.nested(o, 0, notes)
+    }
+
+    /// Reads a texture that is inside a number of others.
+    fn nested(
+        &mut self,
+        o: &Rc<XmlObject>,
+        depth: usize,
+        notes: &mut Vec<Note>,
+    ) -> Result<Option<ImageTexture>, SceneError> {
+        if depth > MAX_NESTING {
+            return Err(o.error(format!(
+                "textures are nested more than {MAX_NESTING} levels deep"
+            )));
+        }
         match o.plugin.as_str() {
-            "bitmap" => self.bitmap(o, to_uv, notes),
-            "checkerboard" => Ok(Some(LoadedTexture {
-                image: checkerboard(o, notes)?,
-                to_uv,
-                wrap: [Wrap::Repeat; 2],
-                filter: TextureFilter::Nearest,
-            })),
+            "bitmap" => {
+                let map = uv_map(o)?;
+                self.bitmap(o, map, notes)
+            }
+            "checkerboard" => self.checkerboard(o, depth, notes),
+            "scale" if o.legacy => {
+                let Some(inside) = o.children("texture").next() else {
+                    notes.push(o.note("a `scale` without a texture is not supported; ignored"));
+                    return Ok(None);
+                };
+                let factor = o.color("scale")?.unwrap_or(Vec3::ONE);
+                let Some(read) = self.nested(inside, depth + 1, notes)? else {
+                    return Ok(None);
+                };
+                let zero = TextureValue::Constant(Vec3::ZERO);
+                let factor = TextureValue::Constant(factor);
+                self.mixed(o, [zero, factor, TextureValue::Image(read)], notes)
+            }
             other => {
                 let shown = super::values::truncated(other);
                 notes.push(o.note(format!("the texture `{shown}` is not supported; ignored")));
@@ -170,13 +165,51 @@ impl TextureReader {
         }
     }
 
+    /// Reads a `checkerboard`, whose colours may be textures.
+    fn checkerboard(
+        &mut self,
+        o: &XmlObject,
+        depth: usize,
+        notes: &mut Vec<Note>,
+    ) -> Result<Option<ImageTexture>, SceneError> {
+        let mut colors = [0.4, 0.2].map(|grey| TextureValue::Constant(Vec3::splat(grey)));
+        for (color, key) in colors.iter_mut().zip(["color0", "color1"]) {
+            if let Some(Property::Object(t)) = o.property(key) {
+                if let Some(image) = self.nested(t, depth + 1, notes)? {
+                    *color = TextureValue::Image(image);
+                }
+            } else if let Some(given) = o.color(key)? {
+                *color = TextureValue::Constant(given);
+            }
+        }
+        let fields = composed::checkerboard(&mut self.images, uv_map(o)?);
+        let fields = TextureValue::Image(fields.map_err(|problem| o.error(problem))?);
+        let [first, second] = colors;
+        self.mixed(o, [second, first, fields], notes)
+    }
+
+    /// Returns the image of `a (1 - t) + b t` of textures `[a, b, t]`.
+    fn mixed(
+        &mut self,
+        o: &XmlObject,
+        values: [TextureValue; 3],
+        notes: &mut Vec<Note>,
+    ) -> Result<Option<ImageTexture>, SceneError> {
+        let note = &mut |message| notes.push(o.note(message));
+        match composed::mixed(&mut self.images, values, note) {
+            Ok(TextureValue::Image(image)) => Ok(Some(image)),
+            Ok(TextureValue::Constant(_)) => Ok(None),
+            Err(problem) => Err(o.error(problem)),
+        }
+    }
+
     /// Reads a `bitmap`.
     fn bitmap(
         &mut self,
         o: &XmlObject,
-        to_uv: DAffine3,
+        map: Affine2,
         notes: &mut Vec<Note>,
-    ) -> Result<Option<LoadedTexture>, SceneError> {
+    ) -> Result<Option<ImageTexture>, SceneError> {
         let Some(file) = o.text("filename")? else {
             return Err(o.error("a bitmap needs a `filename`"));
         };
@@ -197,11 +230,11 @@ impl TextureReader {
         o.mark_read(&["format", "accel", "cache", "max_anisotropy"]);
         Ok(self
             .image(o, file, decoding, notes)?
-            .map(|image| LoadedTexture {
+            .map(|image| ImageTexture {
                 image,
-                to_uv,
                 wrap,
                 filter,
+                map,
             }))
     }
 
@@ -266,8 +299,9 @@ pub(super) fn decoding(o: &XmlObject) -> Result<Decoding, SceneError> {
     Ok(Decoding::Gamma(gamma as f32))
 }
 
-/// Returns the transform of texture coordinates: `to_uv`, or factors and offsets of version 0.6.
-fn uv_transform(o: &XmlObject) -> Result<DAffine3, SceneError> {
+/// Returns the map of texture coordinates that start at the bottom left: `to_uv`, or factors and
+/// offsets of version 0.6, where coordinates start at the top left.
+fn uv_map(o: &XmlObject) -> Result<Affine2, SceneError> {
     let [u_scale, v_scale, u_offset, v_offset] = [
         ("uscale", 1.0),
         ("vscale", 1.0),
@@ -278,7 +312,19 @@ fn uv_transform(o: &XmlObject) -> Result<DAffine3, SceneError> {
     let scale = DVec3::new(u_scale?, v_scale?, 1.0);
     let offset = DVec3::new(u_offset?, v_offset?, 0.0);
     let own = DAffine3::from_translation(offset) * DAffine3::from_scale(scale);
-    Ok(o.transform("to_uv")? * own)
+    let to_uv = o.transform("to_uv")? * own;
+    let (to, t) = (to_uv.matrix3.as_mat3(), to_uv.translation.as_vec3());
+    // Substitute v = 1 - v' on both sides of u' = a u + b v + tx, v' = c u + d v + ty.
+    let (a, b, c, d) = (to.x_axis.x, to.y_axis.x, to.x_axis.y, to.y_axis.y);
+    let is_uniform = b == 0.0 && c == 0.0 && (a - d).abs() <= 1e-6 * a.abs();
+    let map = Affine2 {
+        matrix2: Mat2::from_cols_array(&[a, -c, -b, if is_uniform { a } else { d }]),
+        translation: Vec2::new(b + t.x, 1.0 - d - t.y),
+    };
+    if !map.is_finite() {
+        return Err(o.error("the transform of texture coordinates is not finite"));
+    }
+    Ok(map)
 }
 
 /// Reads the wrap mode of both coordinates or of one.
@@ -297,19 +343,4 @@ fn wrap_mode(
         )));
         Wrap::Repeat
     }))
-}
-
-/// Returns the image of a `checkerboard`.
-fn checkerboard(o: &XmlObject, notes: &mut Vec<Note>) -> Result<Arc<TextureDesc>, SceneError> {
-    let mut colors = [Vec3::splat(0.4), Vec3::splat(0.2)];
-    for (color, key) in colors.iter_mut().zip(["color0", "color1"]) {
-        if let Some(Property::Object(_)) = o.property(key) {
-            notes.push(o.note(format!(
-                "textures as `{key}` of a checkerboard are not supported; ignored"
-            )));
-        } else if let Some(given) = o.color(key)? {
-            *color = given;
-        }
-    }
-    Ok(images::checkerboard(colors))
 }

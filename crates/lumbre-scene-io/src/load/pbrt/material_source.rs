@@ -5,8 +5,9 @@ use std::rc::Rc;
 
 use super::params::{Param, Params};
 use super::spectrum::Spectra;
-use super::texture::{self, Captured, TextureValue};
+use super::texture::{self, Captured};
 use super::version::Version;
+use crate::load::composed::TextureValue;
 use lumbre_light::scene::SceneError;
 
 /// A `Material` or `MakeNamedMaterial` directive, which is converted when a shape uses it.

@@ -25,6 +25,7 @@ mod material;
 mod material_source;
 mod names;
 mod params;
+mod pattern;
 mod scoped;
 mod shape;
 mod spectrum;
@@ -50,10 +51,11 @@ use self::scoped::Scoped;
 use self::shape::{LoadedShape, ShapeLoader, ShapeOptions};
 use self::spectrum::Spectra;
 use self::state::{MaterialRef, State};
-use self::texture::{TextureContext, TextureReader, TextureValue};
+use self::texture::{TextureContext, TextureReader};
 use self::version::Version;
 use super::materials::Materials;
 use super::{MissingTextures, SMALL_ENTITIES, default_scene};
+use crate::load::composed::TextureValue;
 use crate::names::UniqueNames;
 use lumbre_light::scene::desc::{
     EntityDesc, EnvironmentDesc, LightDesc, MAX_EDGES, SceneDesc, ShapeDesc, Transform,

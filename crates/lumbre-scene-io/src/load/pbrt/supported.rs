@@ -162,8 +162,8 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`constant`, `scale`, `mix`",
-        support: "textures with at most one image",
-        limits: "other images are replaced by their mean, with a note",
+        support: "images that repeat together become one; those that are clamped need the same map",
+        limits: "of others all but one are replaced by their mean, with a note",
     },
     SupportedElement {
         name: "`imagemap`",
@@ -173,13 +173,20 @@ pub(in crate::load) const SUPPORTED: &[SupportedElement] = &[
     },
     SupportedElement {
         name: "`checkerboard`",
-        support: "two colours",
-        limits: "images of its fields are replaced by their mean",
+        support: "two colours or images",
+        limits: "mappings other than `uv`, and 3 dimensions, are replaced by the mean, with a \
+                 note; images that do not repeat with the fields by their mean",
+    },
+    SupportedElement {
+        name: "`dots`, `bilerp`, `uv`",
+        support: "images that are computed; those of `inside` and `outside` as in `checkerboard`",
+        limits: "other cells have dots than in pbrt; `bilerp` is clamped to coordinates from 0 to \
+                 1; noted",
     },
     SupportedElement {
         name: "other textures",
         support: "",
-        limits: "replaced by their mean, with a note",
+        limits: "replaced by their mean, with a note; of `ptex` by grey",
     },
     SupportedElement {
         name: "`AreaLightSource`",

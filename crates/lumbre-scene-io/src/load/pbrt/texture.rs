@@ -1,4 +1,4 @@
-//! Textures: `constant`, `scale`, `mix`, `imagemap` and `checkerboard`; others become their mean.
+//! Textures: `constant`, `scale`, `mix` and `imagemap`, and the patterns of [`super::pattern`].
 //!
 //! Texture coordinates are those of the mesh, and v points up in images, as here.
 
@@ -13,40 +13,19 @@ use super::scoped::Scoped;
 use super::spectrum::{Spectra, Use};
 use super::token::truncated;
 use crate::load::beside;
-use crate::load::images::{self, ImageCache, mean_texel};
+use crate::load::composed::{self, ImageTexture, TextureValue};
+use crate::load::images::{ImageCache, mean_texel};
 use crate::load::{MissingTextures, with_lenient_hint};
 use lumbre_light::scene::compile::srgb_to_linear;
 use lumbre_light::scene::desc::{
-    Lookup, MaterialDesc, Texels, TextureDesc, TextureFilter, TextureSlot, Wrap,
+    MaterialDesc, Texels, TextureDesc, TextureFilter, TextureSlot, Wrap,
 };
 use lumbre_light::scene::{Note, SceneError};
 
-/// An image with its mapping.
-#[derive(Clone, Debug)]
-pub(super) struct ImageTexture {
-    /// Texels: colours in sRGB if they have 8 bits, else linear; or numbers in all three channels,
-    /// linear.
-    pub image: Arc<TextureDesc>,
-    wrap: Wrap,
-    filter: TextureFilter,
-    /// Map from the mesh's coordinates to those of the image, both with v pointing up.
-    map: Affine2,
-}
-
 impl ImageTexture {
-    /// Returns whether values are interpolated between texels.
-    pub fn is_interpolated(&self) -> bool {
-        self.filter == TextureFilter::Bilinear
-    }
-
     /// Sets the texture of a material's slot.
-    pub fn apply_to(self, m: &mut MaterialDesc, slot: TextureSlot) {
-        let lookup = Lookup {
-            wrap: [self.wrap; 2],
-            filter: self.filter,
-            second: false,
-            map: (self.map != Affine2::IDENTITY).then_some(self.map),
-        };
+    pub(super) fn apply_to(self, m: &mut MaterialDesc, slot: TextureSlot) {
+        let lookup = self.lookup((self.map != Affine2::IDENTITY).then_some(self.map));
         m.set_mapped_texture(slot, self.image, lookup);
     }
 }
@@ -64,18 +43,9 @@ const FILTERS: [(&str, TextureFilter); 5] = [
 /// Wrap modes of images.
 const WRAPS: [(&str, Wrap); 2] = [("repeat", Wrap::Repeat), ("clamp", Wrap::Clamp)];
 
-/// The value of a texture.
-#[derive(Clone, Debug)]
-pub(super) enum TextureValue {
-    /// The same value everywhere, in all three channels for a number.
-    Constant(Vec3),
-    /// An image with a mapping.
-    Image(ImageTexture),
-}
-
 /// Reader of textures: those defined so far, and their images.
 pub(super) struct TextureReader {
-    images: ImageCache,
+    pub(super) images: ImageCache,
     missing: MissingTextures,
     /// Textures of numbers by name.
     numbers: Scoped<TextureValue>,
@@ -173,46 +143,17 @@ impl TextureReader {
                 };
                 let a = self.value(params, names[0], of_color, one, c)?;
                 let b = self.value(params, names[1], of_color && !v4, one, c)?;
-                self.product(params, a, b, c)
+                self.mixed(params, [TextureValue::Constant(Vec3::ZERO), b, a], c)
             }
             "mix" => {
                 let a = self.value(params, "tex1", of_color, Vec3::ZERO, c)?;
                 let b = self.value(params, "tex2", of_color, one, c)?;
                 let amount = self.value(params, "amount", false, Vec3::splat(0.5), c)?;
-                self.mixed(params, [a, b], amount, c)
+                self.mixed(params, [a, b, amount], c)
             }
             "imagemap" => self.image_map(params, of_color, c),
-            "checkerboard" => self.checkerboard(params, of_color, c),
-            other => {
-                c.notes.push(params.note(format!(
-                    "the texture `{}` is not supported; its mean is used",
-                    truncated(other)
-                )));
-                self.mean_of_unsupported(other, params, of_color, c)
-            }
+            other => self.pattern(other, params, of_color, c),
         }
-    }
-
-    /// Returns the mean of a texture that is not supported: that of its two colours, or grey.
-    fn mean_of_unsupported(
-        &mut self,
-        class: &str,
-        params: &Params,
-        of_color: bool,
-        c: &mut TextureContext<'_>,
-    ) -> Result<TextureValue, SceneError> {
-        let mut corners: &[&str] = &["tex1", "tex2"];
-        if class == "dots" {
-            corners = &["inside", "outside"];
-        } else if class == "bilerp" {
-            corners = &["v00", "v01", "v10", "v11"];
-        }
-        let mut sum = Vec3::ZERO;
-        for name in corners {
-            let value = self.value(params, name, of_color, Vec3::splat(0.5), c)?;
-            sum += mean(&value, of_color);
-        }
-        Ok(TextureValue::Constant(sum / corners.len() as f32))
     }
 
     /// Returns a parameter of colours or numbers, which may be a texture.
@@ -259,85 +200,15 @@ impl TextureReader {
         }
     }
 
-    /// Returns the product of two textures.
-    fn product(
+    /// Returns `a (1 - t) + b t` of textures `[a, b, t]`.
+    pub(super) fn mixed(
         &mut self,
         params: &Params,
-        a: TextureValue,
-        b: TextureValue,
+        values: [TextureValue; 3],
         c: &mut TextureContext<'_>,
     ) -> Result<TextureValue, SceneError> {
-        match (a, b) {
-            (TextureValue::Constant(a), TextureValue::Constant(b)) => {
-                Ok(TextureValue::Constant(a * b))
-            }
-            (TextureValue::Image(image), TextureValue::Constant(by))
-            | (TextureValue::Constant(by), TextureValue::Image(image)) => {
-                self.affine(params, image, by, Vec3::ZERO)
-            }
-            (TextureValue::Image(image), other) => {
-                c.notes.push(params.note(
-                    "products of two images are not supported; the mean of the second is used",
-                ));
-                let by = mean(&other, true);
-                self.affine(params, image, by, Vec3::ZERO)
-            }
-        }
-    }
-
-    /// Returns a mix of two textures; `amount` is the weight of the second.
-    fn mixed(
-        &mut self,
-        params: &Params,
-        [a, b]: [TextureValue; 2],
-        amount: TextureValue,
-        c: &mut TextureContext<'_>,
-    ) -> Result<TextureValue, SceneError> {
-        let images = [&a, &b, &amount].map(|t| matches!(t, TextureValue::Image(_)));
-        if images.iter().filter(|image| **image).count() > 1 {
-            c.notes.push(params.note(
-                "mixes of two images are not supported; the mean is used of all but the first",
-            ));
-        }
-        let constant = |value: &TextureValue| mean(value, true);
-        match (&a, &b, amount) {
-            (TextureValue::Image(image), _, amount) => {
-                let t = constant(&amount);
-                self.affine(params, image.clone(), Vec3::ONE - t, constant(&b) * t)
-            }
-            (_, TextureValue::Image(image), amount) => {
-                let t = constant(&amount);
-                self.affine(params, image.clone(), t, constant(&a) * (Vec3::ONE - t))
-            }
-            (_, _, TextureValue::Image(amount)) => {
-                let (a, b) = (constant(&a), constant(&b));
-                self.affine(params, amount, b - a, a)
-            }
-            (_, _, TextureValue::Constant(t)) => {
-                let (a, b) = (constant(&a), constant(&b));
-                Ok(TextureValue::Constant(a + (b - a) * t))
-            }
-        }
-    }
-
-    /// Returns an image times a factor plus a summand, channel by channel.
-    fn affine(
-        &mut self,
-        params: &Params,
-        from: ImageTexture,
-        by: Vec3,
-        plus: Vec3,
-    ) -> Result<TextureValue, SceneError> {
-        if (by, plus) == (Vec3::ONE, Vec3::ZERO) {
-            return Ok(TextureValue::Image(from));
-        }
-        let how = format!("{by} {plus}");
-        let texel = move |texel: [f32; 4]| {
-            let [r, g, b] = (Vec3::from_slice(&texel) * by + plus).to_array();
-            [r, g, b, 1.0]
-        };
-        self.mapped(params, from, &how, texel)
-            .map(TextureValue::Image)
+        let note = &mut |message| c.notes.push(params.note(message));
+        composed::mixed(&mut self.images, values, note).map_err(|problem| params.error(problem))
     }
 
     /// Applies a function to the linear texels of an image; `how` names it.
@@ -363,15 +234,19 @@ impl TextureReader {
     }
 
     /// Returns the mapping of a texture; `None` if it is not that of the mesh's coordinates.
-    fn mapping(params: &Params) -> Result<Option<Affine2>, SceneError> {
+    pub(super) fn mapping(params: &Params) -> Result<Option<Affine2>, SceneError> {
         let scale = DEFAULTS.map(|(name, default)| params.number(name, default));
         let [su, sv, du, dv] = scale;
         let (scale, delta) = (
             Vec2::new(su? as f32, sv? as f32),
             Vec2::new(du? as f32, dv? as f32),
         );
+        let map = Affine2::from_scale_angle_translation(scale, 0.0, delta);
+        if !map.is_finite() {
+            return Err(params.error("the mapping is not finite in single precision"));
+        }
         let is_uv = matches!(params.text("mapping")?, None | Some("uv"));
-        Ok(is_uv.then(|| Affine2::from_scale_angle_translation(scale, 0.0, delta)))
+        Ok(is_uv.then_some(map))
     }
 
     /// Reads an `imagemap`.
@@ -425,7 +300,7 @@ impl TextureReader {
         };
         Ok(TextureValue::Image(ImageTexture {
             image,
-            wrap,
+            wrap: [wrap; 2],
             filter,
             map,
         }))
@@ -482,7 +357,7 @@ impl TextureReader {
     ) -> Result<Option<ImageTexture>, SceneError> {
         Ok(self.file(params, file, c)?.map(|image| ImageTexture {
             image,
-            wrap: Wrap::Repeat,
+            wrap: [Wrap::Repeat; 2],
             filter: TextureFilter::Bilinear,
             map: Affine2::IDENTITY,
         }))
@@ -497,44 +372,8 @@ impl TextureReader {
     ) -> Result<Option<ImageTexture>, SceneError> {
         let image = self.normal_map(params, file, c)?;
         Ok(image.map(|image| ImageTexture {
-            wrap: Wrap::Clamp,
+            wrap: [Wrap::Clamp; 2],
             ..image
-        }))
-    }
-
-    /// Reads a `checkerboard`.
-    fn checkerboard(
-        &mut self,
-        params: &Params,
-        of_color: bool,
-        c: &mut TextureContext<'_>,
-    ) -> Result<TextureValue, SceneError> {
-        params.mark_read(&["aamode"]);
-        let values = [
-            self.value(params, "tex1", of_color, Vec3::ONE, c)?,
-            self.value(params, "tex2", of_color, Vec3::ZERO, c)?,
-        ];
-        if values.iter().any(|v| matches!(v, TextureValue::Image(_))) {
-            c.notes.push(params.note(
-                "images as fields of a checkerboard are not supported; their means are used",
-            ));
-        }
-        let [first, second] = values.map(|v| mean(&v, of_color));
-        let solid = params.integer("dimension", 2, 3)? == 3;
-        let (Some(map), false) = (Self::mapping(params)?, solid) else {
-            c.notes.push(
-                params.note(
-                    "only the mapping `uv` is supported; the mean of the checkerboard is used",
-                ),
-            );
-            return Ok(TextureValue::Constant((first + second) / 2.0));
-        };
-        // The first field is at the bottom left. The image is of two by two fields.
-        Ok(TextureValue::Image(ImageTexture {
-            image: images::checkerboard([second, first]),
-            wrap: Wrap::Repeat,
-            filter: TextureFilter::Nearest,
-            map: Affine2::from_scale(Vec2::splat(0.5)) * map,
         }))
     }
 }
@@ -554,14 +393,6 @@ pub(super) fn unknown(p: &Param, name: &str, of_color: bool) -> SceneError {
     p.error(format!(
         "no `{kind}` texture with the name `{shown}` precedes"
     ))
-}
-
-/// Returns the mean of a texture.
-pub(super) fn mean(value: &TextureValue, of_color: bool) -> Vec3 {
-    match value {
-        TextureValue::Constant(value) => *value,
-        TextureValue::Image(texture) => mean_texel(&texture.image, of_color),
-    }
 }
 
 /// Returns text that is equal for equal textures of a scene.

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::super::texture::LoadedTexture;
 use super::super::tree::{Property, XmlObject};
 use super::BsdfReader;
+use crate::load::composed::ImageTexture;
 use crate::model_differences;
 use lumbre_light::scene::SceneError;
 use lumbre_light::scene::desc::{Formulas, MaskMode, TextureDesc, TextureSlot};
@@ -62,9 +62,9 @@ impl BsdfReader<'_> {
 
     /// Sets the texture of a slot in the material and in all its parts, with a note if its mapping is
     /// not supported.
-    fn set_texture_of_parts(&mut self, o: &XmlObject, slot: TextureSlot, read: &LoadedTexture) {
+    fn set_texture_of_parts(&mut self, o: &XmlObject, slot: TextureSlot, read: &ImageTexture) {
         for m in self.parts.iter_mut().chain([&mut self.m]) {
-            if let Err(e) = read.clone().apply_to(m, slot) {
+            if let Err(e) = read.clone().apply_relative(m, slot) {
                 self.notes.push(o.note(e.to_string()));
             }
         }

@@ -4,9 +4,9 @@ use std::rc::Rc;
 
 use glam::Vec3;
 
-use super::super::texture::LoadedTexture;
 use super::super::tree::{Property, XmlObject};
 use super::BsdfReader;
+use crate::load::composed::ImageTexture;
 use crate::load::images::mean_texel;
 use crate::model_differences;
 use lumbre_light::scene::SceneError;
@@ -109,7 +109,7 @@ impl BsdfReader<'_> {
                 "textures of the two reflectances are darker here by the share of the other one",
             ));
         }
-        let colour = |(color, texture): &(Vec3, Option<LoadedTexture>), level: f32, share: f32| {
+        let colour = |(color, texture): &(Vec3, Option<ImageTexture>), level: f32, share: f32| {
             let brightest = color.max_element().max(1e-6);
             match texture {
                 Some(_) => Vec3::ONE,
@@ -143,7 +143,7 @@ impl BsdfReader<'_> {
         o: &XmlObject,
         key: &str,
         default: f32,
-    ) -> Result<(Vec3, Option<LoadedTexture>), SceneError> {
+    ) -> Result<(Vec3, Option<ImageTexture>), SceneError> {
         if let Some(Property::Object(t)) = o.property(key) {
             return Ok(match self.textures.read(t, self.notes)? {
                 Some(read) => (mean_texel(&read.image, true), Some(read)),

@@ -13,8 +13,9 @@ use super::Loader;
 use super::material_source::MaterialSource;
 use super::params::{Param, Params};
 use super::spectrum::Use;
-use super::texture::{ImageTexture, TextureContext, TextureValue, mean};
+use super::texture::TextureContext;
 use super::token::truncated;
+use crate::load::composed::{ImageTexture, TextureValue};
 use crate::load::images::is_grey;
 use crate::model_differences;
 use lumbre_light::scene::desc::material_params::MIN_IOR;
@@ -135,7 +136,7 @@ impl<'a> MaterialReader<'a> {
                 "an image as `{name}` is not supported; its mean is used"
             ));
         }
-        Ok(mean(&value, of_color))
+        Ok(value.mean(of_color))
     }
 
     /// Returns a number that cannot have a texture here.
@@ -361,7 +362,7 @@ impl<'a> MaterialReader<'a> {
             (TextureValue::Constant(c), false) => TextureValue::Constant(Vec3::ONE - c),
             (value, true) => value,
         };
-        let second = mean(&amount, false).x.clamp(0.0, 1.0);
+        let second = amount.mean(false).x.clamp(0.0, 1.0);
         self.m.weights = vec![1.0 - second, second];
         if let TextureValue::Image(image) = amount {
             image.apply_to(&mut self.m, TextureSlot::Weights);

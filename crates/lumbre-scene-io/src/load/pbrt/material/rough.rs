@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::super::texture::TextureValue;
 use super::MaterialReader;
+use crate::load::composed::TextureValue;
 use crate::load::pbrt::version::Version;
 use lumbre_light::scene::SceneError;
 use lumbre_light::scene::desc::{RoughnessTexels, Texels, TextureDesc, TextureSlot};

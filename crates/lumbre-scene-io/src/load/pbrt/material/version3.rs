@@ -2,8 +2,8 @@
 
 use glam::Vec3;
 
-use super::super::texture::{TextureValue, mean};
 use super::{MaterialReader, set_mask, unsupported};
+use crate::load::composed::TextureValue;
 use crate::model_differences;
 use lumbre_light::scene::SceneError;
 use lumbre_light::scene::desc::{Model, TextureSlot};
@@ -137,7 +137,7 @@ impl MaterialReader<'_> {
         self.m.ior = self.index(&["eta"], 1.5)?;
         match self.value("roughness", false, 0.5)? {
             TextureValue::Image(image) => image.apply_to(&mut self.m, TextureSlot::Roughness),
-            value => self.m.roughness = unit(mean(&value, false).x),
+            value => self.m.roughness = unit(value.mean(false).x),
         }
         self.m.specular_tint = unit(self.number("speculartint", 0.0)?);
         self.m.anisotropic = unit(self.number("anisotropic", 0.0)?);
