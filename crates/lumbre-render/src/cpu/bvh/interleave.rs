@@ -55,19 +55,20 @@ impl Accel {
             && self.root & LEAF == 0
     }
 
-    /// Traces rays and calls `done` with the index of each and its nearest hit within its distance,
-    /// or with `ANY` any such hit. Leaves out rays with a component that is not finite, which hit
+    /// Traces some of the rays and calls `done` with the index of each and its nearest hit within its
+    /// distance, or with `ANY` any such hit. Leaves out rays with a component that is not finite, which hit
     /// nothing. [`Accel::interleaves`] must be true.
     pub(super) fn trace_interleaved<const ANY: bool>(
         &self,
         rays: &[(Ray, f32)],
+        indices: &[u32],
         done: impl FnMut(usize, Option<Hit>),
     ) {
         assert!(self.can_interleave());
         #[expect(unsafe_code, reason = "calls a function compiled for AVX2")]
         // SAFETY: asserted above, and the processor has AVX2 if `isa` is not the portable one.
         unsafe {
-            self.interleave_avx2::<ANY>(rays, done)
+            self.interleave_avx2::<ANY>(rays, indices, done)
         }
     }
 
@@ -75,9 +76,10 @@ impl Accel {
     fn interleave_avx2<const ANY: bool>(
         &self,
         rays: &[(Ray, f32)],
+        indices: &[u32],
         mut done: impl FnMut(usize, Option<Hit>),
     ) {
-        let queries = rays.iter().enumerate();
+        let queries = indices.iter().map(|i| (*i as usize, &rays[*i as usize]));
         let mut waiting = queries.filter(|(_, (ray, _))| is_finite(ray));
         let in_turn = if ANY { ANY_IN_TURN } else { NEAREST_IN_TURN };
         let mut flights: Vec<Flight<Avx2>> = Vec::with_capacity(in_turn);

@@ -64,6 +64,12 @@ impl TriangleBlock {
         }
     }
 
+    /// Returns a coordinate of a corner of the triangle in a lane.
+    #[inline(always)]
+    pub fn coordinate(&self, corner: usize, axis: usize, lane: usize) -> f32 {
+        self.corners[corner][axis].0[lane]
+    }
+
     /// Intersects the ray with all triangles and returns those that it hits with `0 < t <= t_max`.
     ///
     /// The test is watertight: a ray through a shared edge or corner hits one of the triangles,

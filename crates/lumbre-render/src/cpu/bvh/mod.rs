@@ -15,12 +15,13 @@
 //! |---|---|
 //! | `bvh8`, `traverse` | nodes and blocks of primitives of the CPU, and their traversal |
 //! | `slabs`, `stack` | tests of boxes, and the stack of the traversal |
+//! | `packets` | traversal of rays together |
 //! | `interleave` | traversal of several rays in turn |
 //! | [`packed`] | compressed nodes of `obvhs`, which `vulkan-compute` traverses |
 //! | `compressed` | traversal of compressed nodes on the CPU, for the builder `cwbvh` |
 //!
-//! `instances` transforms rays into the space of a mesh, `intersect` tests rays against primitives,
-//! and [`simd`] defines the vectors for both.
+//! `instances` transforms rays into the space of a mesh, `intersect` and `intersect_lanes` test rays
+//! against primitives, and [`simd`] defines the vectors for both.
 //!
 //! Invariant: hits do not depend on the builder, its settings, or the instruction set, except for
 //! instances that a builder flattens. Of hits at the same distance, the one with the lesser
@@ -37,7 +38,10 @@ pub mod instances;
 #[cfg(target_arch = "x86_64")]
 mod interleave;
 pub mod intersect;
+pub mod intersect_lanes;
 pub mod packed;
+#[cfg(target_arch = "x86_64")]
+mod packets;
 mod parts;
 mod progress;
 pub mod simd;

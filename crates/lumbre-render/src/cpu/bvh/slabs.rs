@@ -7,11 +7,11 @@ use lumbre_light::transport::ray::Ray;
 
 /// Factor on the far distance of a slab test, so that no box is missed because of rounding [Ize
 /// 2013].
-const SLAB_SLACK: f32 = 1.000_000_5;
+pub(crate) const SLAB_SLACK: f32 = 1.000_000_5;
 
 /// Bound of the error of an offset, as a fraction of it: two roundings of the offset, one of the
 /// product that it is added to, and one to spare.
-const OFFSET_ERROR: f32 = 1.0 / (1 << 22) as f32;
+pub(crate) const OFFSET_ERROR: f32 = 1.0 / (1 << 22) as f32;
 
 /// Returns the inverse of a component of a direction. A zero component would give 0 * inf = NaN on
 /// a box's plane. A tiny one gives the same result and stays finite.

@@ -4,7 +4,7 @@
 //! conservatively, and ties in distance are resolved by the indices of the hits.
 
 use super::accel::Accel;
-use super::bvh8::{INSTANCE, LEAF};
+use super::bvh8::{Block, INSTANCE, LEAF};
 use super::compressed;
 use super::instances;
 use super::intersect;
@@ -22,7 +22,7 @@ use lumbre_light::transport::surface::is_masked_out;
 /// Factor on the distance of the best hit, beyond which boxes are skipped. It is above 1 so that
 /// rounding never skips a box with an equally near hit, whose indices may be less. Distances of
 /// triangles that are much larger than the distance have the greatest errors.
-const LIMIT_SLACK: f32 = 1.0 + 1.0 / (1 << 17) as f32;
+pub(crate) const LIMIT_SLACK: f32 = 1.0 + 1.0 / (1 << 17) as f32;
 
 /// Leaf in which the last of several rays found a hit, with the bit of leaves; zero if it found none.
 /// The next ray tests it before the tree: shadow rays of one tile are often blocked by one object.
@@ -47,38 +47,43 @@ impl Accel {
         self.dispatch::<true>(ray, t_max).is_some()
     }
 
-    /// Does the same for one of several rays.
+    /// Returns anything that one of several rays hits with `0 < t < t_max`, masks applied.
     #[inline]
-    fn occluded_after(&self, ray: &Ray, t_max: f32, last: &mut LastOccluder) -> bool {
+    fn any_hit_after(&self, ray: &Ray, t_max: f32, last: &mut LastOccluder) -> Option<Hit> {
         match self.isa {
             _ if !self.instances.is_empty() || self.compressed.is_some() => {
-                self.occluded(ray, t_max)
+                self.dispatch::<true>(ray, t_max)
             }
             #[cfg(target_arch = "x86_64")]
             #[expect(unsafe_code, reason = "calls a function compiled for AVX2")]
             // SAFETY: `isa` is AVX2 or AVX-512 only if the processor has it, and AVX-512 implies
             // AVX2.
-            Isa::Avx2 | Isa::Avx512 => unsafe { self.occluded_avx2(ray, t_max, last) },
-            _ => self.occluded_with::<Portable>(ray, t_max, last),
+            Isa::Avx2 | Isa::Avx512 => unsafe { self.any_hit_avx2(ray, t_max, last) },
+            _ => self.any_hit_with::<Portable>(ray, t_max, last),
         }
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt")]
-    fn occluded_avx2(&self, ray: &Ray, t_max: f32, last: &mut LastOccluder) -> bool {
-        self.occluded_with::<crate::cpu::bvh::simd::Avx2>(ray, t_max, last)
+    fn any_hit_avx2(&self, ray: &Ray, t_max: f32, last: &mut LastOccluder) -> Option<Hit> {
+        self.any_hit_with::<crate::cpu::bvh::simd::Avx2>(ray, t_max, last)
     }
 
     #[inline(always)]
-    fn occluded_with<L: Simd8>(&self, ray: &Ray, t_max: f32, last: &mut LastOccluder) -> bool {
+    fn any_hit_with<L: Simd8>(
+        &self,
+        ray: &Ray,
+        t_max: f32,
+        last: &mut LastOccluder,
+    ) -> Option<Hit> {
         if *last != 0 && is_finite(ray) {
             let (leaf, sheared) = (*last & !LEAF, ShearedRay::new(ray));
             let mut best = BestHit::new(t_max);
             if self.test_leaf::<L, true, false>(leaf, ray, &sheared, NONE, &mut best) {
-                return true;
+                return best.hit;
             }
         }
-        self.traverse::<L, true, false>(ray, t_max, last).is_some()
+        self.traverse::<L, true, false>(ray, t_max, last)
     }
 
     #[inline]
@@ -154,6 +159,54 @@ impl Accel {
         self.traverse::<crate::cpu::bvh::simd::Avx2, ANY, INSTANCES>(ray, t_max, &mut 0)
     }
 
+    /// Returns the hit of a ray that goes on alone at a node or leaf: the nearest one up to `t`, or
+    /// with `ANY` any, else the one that is `known` at `t`. For hierarchies without instances.
+    #[inline]
+    pub(crate) fn continue_from<const ANY: bool>(
+        &self,
+        from: u32,
+        ray: &Ray,
+        t: f32,
+        known: Option<Hit>,
+    ) -> Option<Hit> {
+        let best = BestHit {
+            hit: known,
+            ..BestHit::new(t)
+        };
+        match self.isa {
+            #[cfg(target_arch = "x86_64")]
+            #[expect(unsafe_code, reason = "calls a function compiled for AVX2")]
+            // SAFETY: `isa` is AVX2 or AVX-512 only if the processor has it, and AVX-512 implies
+            // AVX2.
+            Isa::Avx2 | Isa::Avx512 => unsafe { self.walk_avx2::<ANY>(from, ray, best) },
+            _ => self.walk::<Portable, ANY, false>(from, ray, best, &mut 0),
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt")]
+    fn walk_avx2<const ANY: bool>(&self, from: u32, ray: &Ray, best: BestHit) -> Option<Hit> {
+        self.walk::<crate::cpu::bvh::simd::Avx2, ANY, false>(from, ray, best, &mut 0)
+    }
+
+    /// Returns the hit of a ray in a block: the nearest one up to `t`, or with `ANY` any, else the one
+    /// that is `known` at `t`.
+    #[inline(always)]
+    pub(crate) fn hit_in_block<L: Simd8, const ANY: bool>(
+        &self,
+        block: &Block,
+        ray: &Ray,
+        t: f32,
+        known: Option<Hit>,
+    ) -> Option<Hit> {
+        let mut best = BestHit {
+            hit: known,
+            ..BestHit::new(t)
+        };
+        self.test_block::<L, ANY, false>(block, ray, &ShearedRay::new(ray), NONE, &mut best);
+        best.hit
+    }
+
     /// Runs the traversal loop. Returns any hit with `ANY`, and the nearest one otherwise. With
     /// `INSTANCES` it also traverses the trees of instances, with the ray transformed into their
     /// mesh's space. `last` becomes the leaf of the hit.
@@ -168,16 +221,27 @@ impl Accel {
         if !is_finite(ray) {
             return None;
         }
-        let mut best = BestHit::new(t_max);
+        self.walk::<L, ANY, INSTANCES>(self.root, ray, BestHit::new(t_max), last)
+    }
+
+    /// Runs the loop from a node or leaf on, for a ray whose best hit so far is known.
+    #[inline(always)]
+    fn walk<L: Simd8, const ANY: bool, const INSTANCES: bool>(
+        &self,
+        from: u32,
+        ray: &Ray,
+        mut best: BestHit,
+        last: &mut LastOccluder,
+    ) -> Option<Hit> {
         let mut sheared = ShearedRay::new(ray);
-        if self.root & LEAF != 0 && !INSTANCES {
-            self.test_leaf::<L, ANY, false>(self.root & !LEAF, ray, &sheared, NONE, &mut best);
+        if from & LEAF != 0 && !INSTANCES {
+            self.test_leaf::<L, ANY, false>(from & !LEAF, ray, &sheared, NONE, &mut best);
             return best.hit;
         }
         let mut slabs = Slabs::<L>::new(ray);
         let mut instance = NONE;
         let mut stack = Stack::new();
-        let mut current = self.root;
+        let mut current = from;
         loop {
             if current & LEAF != 0 {
                 if INSTANCES && current == RETURN_TO_WORLD {
@@ -258,55 +322,73 @@ impl Accel {
     ) -> bool {
         let mut better = false;
         for block in &self.blocks[first as usize..] {
-            // Distances in an instance's space are approximate, so candidates are accepted up to
-            // the wider limit.
-            let within = if INSTANCES && instance != NONE {
-                best.limit
-            } else {
-                best.t
-            };
-            let found = block.triangles.intersect::<L>(sheared, within);
-            let mut lanes = found.lanes | block.spheres;
-            if lanes != 0 {
-                let distances = found.t();
-                while lanes != 0 {
-                    let lane = lanes.trailing_zeros() as usize % LANES;
-                    lanes &= lanes - 1;
-                    let primitive = block.primitives[lane];
-                    let (t, uv) = if block.spheres & (1 << lane) != 0 {
-                        let sphere =
-                            &self.scene.spheres[primitive as usize - self.scene.triangles.len()];
-                        let Some(t) = intersect::sphere(sphere, ray, best.t) else {
-                            continue;
-                        };
-                        (t, [0.0; 2])
-                    } else if INSTANCES && instance != NONE {
-                        let t = instances::distance(&self.scene, ray, primitive, instance);
-                        if !(t > 0.0 && t <= best.t) {
-                            continue;
-                        }
-                        (t, found.uv(lane))
-                    } else if distances.0[lane] <= best.t {
-                        (distances.0[lane], found.uv(lane))
-                    } else {
-                        continue;
-                    };
-                    let hit = Hit {
-                        t,
-                        primitive,
-                        instance,
-                        uv,
-                    };
-                    let masked = block.masked & (1 << lane) != 0;
-                    better |= self.accept(ray, hit, masked, best)
-                        || masked && self.accept_exit(ray, hit, best);
-                    if ANY && better {
-                        return true;
-                    }
-                }
+            better |= self.test_block::<L, ANY, INSTANCES>(block, ray, sheared, instance, best);
+            if ANY && better {
+                return true;
             }
             if block.last {
                 break;
+            }
+        }
+        better
+    }
+
+    /// Does the same with one block.
+    #[inline(always)]
+    fn test_block<L: Simd8, const ANY: bool, const INSTANCES: bool>(
+        &self,
+        block: &Block,
+        ray: &Ray,
+        sheared: &ShearedRay,
+        instance: u32,
+        best: &mut BestHit,
+    ) -> bool {
+        let mut better = false;
+        // Distances in an instance's space are approximate, so candidates are accepted up to
+        // the wider limit.
+        let within = if INSTANCES && instance != NONE {
+            best.limit
+        } else {
+            best.t
+        };
+        let found = block.triangles.intersect::<L>(sheared, within);
+        let mut lanes = found.lanes | block.spheres;
+        if lanes != 0 {
+            let distances = found.t();
+            while lanes != 0 {
+                let lane = lanes.trailing_zeros() as usize % LANES;
+                lanes &= lanes - 1;
+                let primitive = block.primitives[lane];
+                let (t, uv) = if block.spheres & (1 << lane) != 0 {
+                    let sphere =
+                        &self.scene.spheres[primitive as usize - self.scene.triangles.len()];
+                    let Some(t) = intersect::sphere(sphere, ray, best.t) else {
+                        continue;
+                    };
+                    (t, [0.0; 2])
+                } else if INSTANCES && instance != NONE {
+                    let t = instances::distance(&self.scene, ray, primitive, instance);
+                    if !(t > 0.0 && t <= best.t) {
+                        continue;
+                    }
+                    (t, found.uv(lane))
+                } else if distances.0[lane] <= best.t {
+                    (distances.0[lane], found.uv(lane))
+                } else {
+                    continue;
+                };
+                let hit = Hit {
+                    t,
+                    primitive,
+                    instance,
+                    uv,
+                };
+                let masked = block.masked & (1 << lane) != 0;
+                better |= self.accept(ray, hit, masked, best)
+                    || masked && self.accept_exit(ray, hit, best);
+                if ANY && better {
+                    return true;
+                }
             }
         }
         better
@@ -372,6 +454,42 @@ impl Accel {
     }
 }
 
+impl Accel {
+    /// Returns the indices of all rays: packets are compiled for the instructions of x86-64.
+    #[cfg(not(target_arch = "x86_64"))]
+    fn trace_packets<const ANY: bool>(
+        &self,
+        rays: &[(Ray, f32)],
+        _: impl FnMut(usize, Option<Hit>),
+    ) -> Vec<u32> {
+        (0..rays.len() as u32).collect()
+    }
+
+    /// Traces some of the rays one by one or a few in turn, and calls `done` with the index of each
+    /// and its nearest hit, or with `ANY` any hit.
+    fn trace_alone<const ANY: bool>(
+        &self,
+        rays: &[(Ray, f32)],
+        indices: &[u32],
+        mut done: impl FnMut(usize, Option<Hit>),
+    ) {
+        #[cfg(target_arch = "x86_64")]
+        if self.interleaves(ANY) {
+            return self.trace_interleaved::<ANY>(rays, indices, done);
+        }
+        let mut last = 0;
+        for i in indices {
+            let (ray, t_max) = &rays[*i as usize];
+            let hit = if ANY {
+                self.any_hit_after(ray, *t_max, &mut last)
+            } else {
+                self.closest(ray, *t_max)
+            };
+            done(*i as usize, hit);
+        }
+    }
+}
+
 /// Returns whether all components of a ray are finite.
 #[inline(always)]
 pub(super) fn is_finite(ray: &Ray) -> bool {
@@ -408,27 +526,17 @@ impl BestHit {
 
 impl Trace for Accel {
     fn closest_each(&self, rays: &[(Ray, f32)], hits: &mut Vec<Option<Hit>>) {
-        #[cfg(target_arch = "x86_64")]
-        if self.interleaves(false) {
-            let first = hits.len();
-            hits.resize(first + rays.len(), None);
-            self.trace_interleaved::<false>(rays, |i, hit| hits[first + i] = hit);
-            return;
-        }
-        hits.extend(rays.iter().map(|(ray, t_max)| self.closest(ray, *t_max)));
+        let first = hits.len();
+        hits.resize(first + rays.len(), None);
+        let alone = self.trace_packets::<false>(rays, |i, hit| hits[first + i] = hit);
+        self.trace_alone::<false>(rays, &alone, |i, hit| hits[first + i] = hit);
     }
 
     fn occluded_each(&self, rays: &[(Ray, f32)], hidden: &mut Vec<bool>) {
-        #[cfg(target_arch = "x86_64")]
-        if self.interleaves(true) {
-            let first = hidden.len();
-            hidden.resize(first + rays.len(), false);
-            self.trace_interleaved::<true>(rays, |i, hit| hidden[first + i] = hit.is_some());
-            return;
-        }
-        let mut last = 0;
-        let rays = rays.iter();
-        hidden.extend(rays.map(|(ray, t_max)| self.occluded_after(ray, *t_max, &mut last)));
+        let first = hidden.len();
+        hidden.resize(first + rays.len(), false);
+        let alone = self.trace_packets::<true>(rays, |i, hit| hidden[first + i] = hit.is_some());
+        self.trace_alone::<true>(rays, &alone, |i, hit| hidden[first + i] = hit.is_some());
     }
 
     fn closest(&self, ray: &Ray, t_max: f32) -> Option<Hit> {

@@ -188,6 +188,62 @@ fn many_rays_have_the_hits_of_single_rays() {
     assert!(found[0] > 1000 && found[1] > 1000, "{found:?}");
 }
 
+/// Bundles of rays from one place, from places near each other, and towards one point, of which some
+/// pass a primitive on different sides and some end at once.
+#[test]
+fn rays_that_travel_together_have_the_hits_of_single_rays() {
+    let mut found = [0; 2];
+    let scenes = [
+        (soup(7), Vec3::ZERO),
+        (stack(3e5), Vec3::new(3e5, 0.0, 3e5)),
+        (random_primitives(300), Vec3::ZERO),
+        (random_primitives(40_000), Vec3::ZERO),
+    ];
+    for (scene, center) in scenes {
+        let mut numbers = numbers(5);
+        let mut next = || numbers() - 0.5;
+        let mut bundles: Vec<(Ray, f32)> = Vec::new();
+        for (i, base) in rays(&scene, center, 5).into_iter().enumerate() {
+            let spread = [1e-4, 0.02, 0.3][i % 3];
+            let to = base.origin + base.dir * 3.0;
+            // More than a vector, and no multiple of one.
+            for lane in 0..35 {
+                let mut jitter = || Vec3::new(next(), next(), next()) * spread;
+                let (a, b) = (jitter(), jitter());
+                let (origin, to) = match i % 4 {
+                    0 => (base.origin, to + a),
+                    1 => (base.origin + a, to),
+                    2 => (base.origin + a, to + b),
+                    _ => (base.origin, to),
+                };
+                let dir = (to - origin).normalize_or(base.dir);
+                let t_max = match (i % 5, lane % 7) {
+                    (0, 0) => 0.0,
+                    (1, _) => 2.0 + next(),
+                    _ => f32::INFINITY,
+                };
+                bundles.push((Ray { origin, dir }, t_max));
+            }
+        }
+        for isa in Isa::available() {
+            let accel = Accel::build_as(Arc::clone(&scene), &AccelSpec::default(), *isa).unwrap();
+            let (mut hits, mut hidden) = (Vec::new(), Vec::new());
+            // As tiles arrive.
+            for some in bundles.chunks(350) {
+                accel.closest_each(some, &mut hits);
+                accel.occluded_each(some, &mut hidden);
+            }
+            for (i, (ray, t_max)) in bundles.iter().enumerate() {
+                let expected = accel.closest(ray, *t_max);
+                assert_eq!(bits(hits[i]), bits(expected), "{i} {ray:?}");
+                assert_eq!(hidden[i], expected.is_some(), "{i} {ray:?}");
+                found[usize::from(hidden[i])] += 1;
+            }
+        }
+    }
+    assert!(found[0] > 10_000 && found[1] > 10_000, "{found:?}");
+}
+
 #[test]
 fn scenes_of_one_leaf_agree_with_brute_force() {
     let mut disagreements = 0;

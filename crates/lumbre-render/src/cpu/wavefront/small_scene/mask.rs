@@ -2,7 +2,8 @@
 //! single ray.
 
 use super::SmallScene;
-use super::nearest::{Candidates, NearestHits};
+use super::nearest::NearestHits;
+use crate::cpu::bvh::intersect_lanes::Candidates;
 use lumbre_light::math::real::Mask;
 use lumbre_light::math::simd::{Lanes, active_lanes};
 use lumbre_light::scene::compile::NONE;

@@ -22,6 +22,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::cpu::bvh::accel::Accel;
+use crate::cpu::bvh::intersect_lanes::intersect_sheared;
 use lumbre_light::math::real::{Mask, Vector};
 use lumbre_light::math::simd::{F32x8, Lanes, SimdKernel, Width, active_lanes, dispatch};
 use lumbre_light::scene::CompiledScene;
@@ -146,7 +147,10 @@ impl SmallScene {
             *sheared = rays.corner(R::Vec3::broadcast(*corner));
         }
         for (corners, id) in &self.unmasked.triangles {
-            best.update_nearer(rays.triangle::<N>(corners_of(sheared, *corners)), *id);
+            best.update_nearer(
+                intersect_sheared::<R, N, false>(corners_of(sheared, *corners)),
+                *id,
+            );
             if ANY && !best.without_hit().any() {
                 return best;
             }
@@ -160,7 +164,7 @@ impl SmallScene {
         for (corners, id) in &self.masked.triangles {
             self.update_masked::<R, N, ANY>(
                 group,
-                rays.triangle::<N>(corners_of(sheared, *corners)),
+                intersect_sheared::<R, N, false>(corners_of(sheared, *corners)),
                 *id,
                 &mut best,
             );

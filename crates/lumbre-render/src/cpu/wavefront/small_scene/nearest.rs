@@ -1,17 +1,7 @@
 //! Nearest hits of one ray per lane, updated primitive by primitive.
 
+use crate::cpu::bvh::intersect_lanes::Candidates;
 use lumbre_light::math::real::Real;
-
-/// Candidate hit in each lane; `t` is infinite without one. The barycentric weights are `v /
-/// divisor` and `w / divisor`. They are divided only for the nearest hit, since few candidates
-/// become one.
-#[derive(Clone, Copy)]
-pub(super) struct Candidates<R: Real> {
-    pub t: R,
-    pub v: R,
-    pub w: R,
-    pub divisor: R,
-}
 
 /// Nearest hits so far; the fields are those of [`Candidates`].
 pub(super) struct NearestHits<R: Real> {

@@ -1,7 +1,7 @@
 //! Sphere test of one ray per lane; the vectorised counterpart of `bvh::intersect::sphere`, with
 //! the same bits.
 
-use super::nearest::Candidates;
+use crate::cpu::bvh::intersect_lanes::Candidates;
 use lumbre_light::math::real::{Real, Vector};
 
 /// Intersects the rays with a sphere; returns the nearest hits. The caller compares `t` with the

@@ -1,10 +1,8 @@
-//! Watertight triangle test of one ray per lane; the vectorised counterpart of
-//! `bvh::intersect::triangle`, with the same bits. Corners are sheared once per group of rays, also
-//! if triangles share them.
+//! Corners of triangles in the sheared space of one ray per lane, for
+//! [`intersect_sheared`](crate::cpu::bvh::intersect_lanes::intersect_sheared). They are sheared once
+//! per group of rays, also if triangles share them.
 
-use super::nearest::Candidates;
 use lumbre_light::math::real::{Mask, Real, Vector};
-use lumbre_light::math::simd::{Lanes, active_lanes};
 
 /// Per-ray setup of the triangle test; the vectorised counterpart of `ShearedRay`.
 pub(super) struct ShearedRays<R: Real> {
@@ -78,40 +76,6 @@ impl<R: Real> ShearedRays<R> {
             z * self.shear[2],
         ]
     }
-
-    /// Intersects the rays with a triangle, given by its sheared corners. There is no early exit if
-    /// all lanes miss: usually some hit, and a mispredicted branch costs more than the rest of the
-    /// test.
-    #[inline(always)]
-    pub(super) fn triangle<const N: usize>(&self, corners: [&[R; 3]; 3]) -> Candidates<R>
-    where
-        R: Lanes<N>,
-    {
-        let zero = R::splat(0.0);
-        let [a, b, c] = corners;
-        let (a, b, c) = (*a, *b, *c);
-        let (mut u, mut v, mut w) = (edge(c, b), edge(a, c), edge(b, a));
-        let on_edge = Real::eq(u, zero) | Real::eq(v, zero) | Real::eq(w, zero);
-        if on_edge.any() {
-            let mut edges = [u.store(), v.store(), w.store()];
-            let sheared = [
-                [a[0].store(), a[1].store()],
-                [b[0].store(), b[1].store()],
-                [c[0].store(), c[1].store()],
-            ];
-            recompute_in_f64(&mut edges, &sheared, on_edge.bits());
-            (u, v, w) = (R::load(&edges[0]), R::load(&edges[1]), R::load(&edges[2]));
-        }
-        let outside = u.min(v).min(w).lt(zero) & u.max(v).max(w).gt(zero);
-        let det = u + v + w;
-        let t = (u * a[2] + v * b[2] + w * c[2]) / det;
-        Candidates {
-            t: R::select(!outside & t.gt(zero), t, R::splat(f32::INFINITY)),
-            v,
-            w,
-            divisor: det,
-        }
-    }
 }
 
 /// Returns the components permuted so that the largest component of the ray's direction is last.
@@ -127,30 +91,6 @@ fn permuted<R: Real>(v: R::Vec3, [along_x, along_y]: [R::Mask; 2], swapped: R::M
         R::select(swapped, first, second),
         last,
     ]
-}
-
-/// Returns twice the signed area of the triangle between the ray and an edge, as seen along the
-/// ray.
-#[inline(always)]
-fn edge<R: Real>(p: [R; 3], q: [R; 3]) -> R {
-    p[0] * q[1] - p[1] * q[0]
-}
-
-/// Recomputes the edge functions of the given lanes in double precision.
-#[cold]
-#[inline(never)]
-fn recompute_in_f64<const N: usize>(
-    edges: &mut [[f32; N]; 3],
-    [a, b, c]: &[[[f32; N]; 2]; 3],
-    lanes: u32,
-) {
-    for lane in active_lanes(lanes) {
-        let edge = |p: &[[f32; N]; 2], q: &[[f32; N]; 2]| {
-            let lane_of = |row: &[f32; N]| f64::from(row[lane]);
-            (lane_of(&p[0]) * lane_of(&q[1]) - lane_of(&p[1]) * lane_of(&q[0])) as f32
-        };
-        (edges[0][lane], edges[1][lane], edges[2][lane]) = (edge(c, b), edge(a, c), edge(b, a));
-    }
 }
 
 /// Returns the sheared corners of a triangle.
