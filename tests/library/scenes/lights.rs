@@ -2,6 +2,7 @@
 //! notes on lights that cannot emit.
 
 use std::collections::BTreeMap;
+use std::f32::consts::PI;
 use std::path::Path;
 
 use glam::Vec3;
@@ -266,8 +267,16 @@ fn projectors_of_all_formats_show_their_image_upright() {
                 (Vec3::new(1.0, 2.0, 3.0), is_even),
                 "{name}"
             );
-            assert_eq!(light.intensity, Vec3::ONE, "{name}");
-            assert_eq!(found, texels, "{name}");
+            // Mitsuba multiplies by pi.
+            let factor = if name.starts_with("a.xml") { PI } else { 1.0 };
+            for (found, expected) in found.iter().zip(&texels) {
+                let found = Vec3::from_array(*found) * light.intensity;
+                let expected = factor * Vec3::from_array(*expected);
+                assert!(
+                    (found - expected).abs().max_element() < 1e-5,
+                    "{name}: {found}"
+                );
+            }
             let corner = (half * half * 1.25).sqrt().atan();
             assert!(
                 (light.cone.beam / corner - 1.0).abs() < 1e-4,

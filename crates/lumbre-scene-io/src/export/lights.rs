@@ -65,7 +65,7 @@ impl SceneWriter<'_> {
                     xml.open("emitter", &[("type", "projector"), ("id", &id)]);
                     let map = DAffine3::from_mat3_translation(axes, position.as_dvec3());
                     xml.transform("to_world", &map);
-                    xml.value("float", "scale", 1.0);
+                    xml.value("float", "scale", std::f32::consts::FRAC_1_PI);
                     let angle = 2.0 * image.right.length().atan().to_degrees();
                     xml.value("float", "fov", angle);
                     xml.open("texture", &[("type", "bitmap"), ("name", "irradiance")]);

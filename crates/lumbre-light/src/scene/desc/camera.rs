@@ -66,7 +66,7 @@ pub struct CameraDesc {
     pub target: Vec3,
     /// Rest that single precision leaves of the position and of the target, which counts in scenes
     /// far from the origin.
-    #[serde(default, skip_serializing_if = "no_rest")]
+    #[serde(default)]
     pub rest: [Vec3; 2],
     /// Direction that points up in the image.
     pub up: Vec3,
@@ -186,11 +186,6 @@ const DEFAULT_VIEW_HEIGHT: f32 = 2.0;
 /// Returns [`DEFAULT_VIEW_HEIGHT`] for records without a height.
 fn default_view_height() -> f32 {
     DEFAULT_VIEW_HEIGHT
-}
-
-/// Returns whether the position and the target are whole in single precision.
-fn no_rest(rest: &[Vec3; 2]) -> bool {
-    *rest == [Vec3::ZERO; 2]
 }
 
 impl Default for CameraDesc {

@@ -258,7 +258,8 @@ fn projector(
     Ok(Some(LightKind::Spot {
         position: map.translation.as_vec3(),
         direction,
-        intensity: Vec3::splat(scale as f32),
+        // Mitsuba multiplies by pi, as if the irradiance were a radiance.
+        intensity: Vec3::splat((PI * scale) as f32),
         cone: image.cone(),
         image: Some(image),
     }))

@@ -180,22 +180,24 @@ impl LightTree {
         loop {
             let node = &self.nodes[index as usize];
             let importances = node.importances(from);
-            let total = sum(&importances);
-            let mut rest = u * total;
-            let mut chosen = 0;
-            for (i, importance) in importances.iter().enumerate() {
-                let importance = f64::from(*importance);
-                if importance > 0.0 {
-                    chosen = i;
-                    if rest < importance {
-                        break;
-                    }
-                    rest -= importance;
-                }
+            // Sums of the importances up to each child, without a branch between children.
+            let (mut sums, mut total) = ([0.0; CHILDREN], 0.0);
+            for (end, importance) in sums.iter_mut().zip(&importances) {
+                total += f64::from(*importance);
+                *end = total;
             }
+            let at = u * total;
+            let before: usize = sums.iter().map(|end| usize::from(*end <= at)).sum();
+            // Rounding may leave the interval of the last child.
+            let last = || importances.iter().rposition(|own| *own > 0.0);
+            let chosen = if before < CHILDREN {
+                before
+            } else {
+                last().unwrap_or(0)
+            };
+            let rest = at - chosen.checked_sub(1).map_or(0.0, |i| sums[i]);
             let own = f64::from(importances[chosen]);
             probability *= own / total;
-            // Rounding may leave the interval of the last child.
             u = (rest / own).clamp(0.0, BELOW_ONE);
             let child = node.child[chosen];
             if child & LIGHT != 0 {
