@@ -239,7 +239,7 @@ fn projectors_of_all_formats_show_their_image_upright() {
     let xml = "<scene version=\"3.0.0\"><emitter type=\"projector\"><transform name=\"to_world\">\
         <lookat origin=\"1,2,3\" target=\"1,2,5\" up=\"0,1,0\"/></transform><float name=\"fov\" \
         value=\"50\"/><texture name=\"irradiance\" type=\"bitmap\"><string name=\"filename\" \
-        value=\"m.hdr\"/></texture></emitter></scene>";
+        value=\"m.hdr\"/><string name=\"wrap_mode\" value=\"clamp\"/></texture></emitter></scene>";
     let files = [
         ("a.scn", scn.to_owned(), true),
         ("a.xml", xml.to_owned(), true),
@@ -310,7 +310,7 @@ fn textures_of_spots_are_as_wide_as_their_cone() {
     let xml = "<scene version=\"3.0.0\"><emitter type=\"spot\"><transform name=\"to_world\">\
         <lookat origin=\"0,0,0\" target=\"0,0,-1\" up=\"0,1,0\"/></transform><float name=\"cutoff_angle\" \
         value=\"40\"/><texture name=\"texture\" type=\"bitmap\"><string name=\"filename\" value=\"m.hdr\"/>\
-        </texture></emitter></scene>";
+        <string name=\"wrap_mode\" value=\"clamp\"/></texture></emitter></scene>";
     folder.write("a.xml", xml);
     let (desc, notes) = folder.load("a.xml").unwrap();
     assert!(!lines(&notes).contains("texture"), "{}", lines(&notes));

@@ -11,10 +11,10 @@ use super::sky;
 use super::texture::{self, TextureReader};
 use super::tree::XmlObject;
 use super::{as_texture, sensor};
-use crate::load::environment::{FINE_ROWS, MAX_HEIGHT, MIN_HEIGHT, bilinear, resampled};
+use crate::load::environment::{FINE_ROWS, MAX_HEIGHT, MIN_HEIGHT, bilinear, resampled, texel};
 use lumbre_light::scene::desc::{
     ConeDesc, ConeEdge, EnvironmentDesc, EnvironmentSource, LightDesc, LightKind, MaterialDesc,
-    SpotImage, Texels, TextureDesc, TextureSlot,
+    SpotImage, Texels, TextureDesc, TextureSlot, Wrap,
 };
 use lumbre_light::scene::{Note, SceneError};
 
@@ -215,7 +215,58 @@ fn light_image(
              ignored",
         ));
     }
-    Ok(Some(read.image))
+    let finer = wrapped_finer(&read.image, read.wrap).map(Arc::new);
+    Ok(Some(finer.unwrap_or(read.image)))
+}
+
+/// Least side of the image of a light: coarser ones are computed anew, since Mitsuba interpolates half
+/// a texel at the edges across them.
+const FINE_SIDE: u32 = 256;
+
+/// Greatest number of texels of an image that is computed anew.
+const MAX_TEXELS: u32 = 1 << 22;
+
+/// Returns a finer image of a coarse one, interpolated by its wrap modes; `None` for others.
+fn wrapped_finer(image: &TextureDesc, wrap: [Wrap; 2]) -> Option<TextureDesc> {
+    let room = (MAX_TEXELS / image.width.checked_mul(image.height)?).isqrt();
+    let by = FINE_SIDE.div_ceil(image.width.min(image.height)).min(room);
+    if by < 2 || !wrap.contains(&Wrap::Repeat) {
+        return None;
+    }
+    // The two texels around a place and the weight of the second.
+    let around = |x: u32, count: u32, wrap: Wrap| {
+        let at = (f64::from(x) + 0.5) / f64::from(by) - 0.5;
+        let last = i64::from(count) - 1;
+        let texels = [0, 1].map(|i| {
+            let texel = at.floor() as i64 + i;
+            let inside = match wrap {
+                Wrap::Repeat => texel.rem_euclid(last + 1),
+                Wrap::Mirror | Wrap::Clamp => texel.clamp(0, last),
+            };
+            inside as u32
+        });
+        (texels, (at - at.floor()) as f32)
+    };
+    let (width, height) = (by * image.width, by * image.height);
+    let mut texels = Vec::with_capacity((width * height) as usize);
+    for y in 0..height {
+        let (rows, fy) = around(y, image.height, wrap[1]);
+        for x in 0..width {
+            let (columns, fx) = around(x, image.width, wrap[0]);
+            let row = |y: u32| {
+                let [a, b] = columns.map(|x| Vec3::from_array(texel(image, x, y)));
+                a.lerp(b, fx)
+            };
+            let [upper, lower] = rows.map(row);
+            texels.push(upper.lerp(lower, fy).extend(1.0).to_array());
+        }
+    }
+    Some(TextureDesc::new(
+        &image.file,
+        width,
+        height,
+        Texels::RgbaF32(texels),
+    ))
 }
 
 /// Reads a projector, whose image is an irradiance at distance 1; `None`, with a note, if its
@@ -369,6 +420,27 @@ mod tests {
                 assert!((a - b).abs() < 0.02, "{d}: {here:?}, not {there:?}");
             }
         }
+    }
+
+    #[test]
+    fn coarse_images_of_lights_are_interpolated_across_their_edges() {
+        let texels = [0.0f32, 1.0].map(|x| [x, x, x, 1.0]);
+        let image = TextureDesc::new("image", 2, 1, Texels::RgbaF32(texels.to_vec()));
+        let finer = wrapped_finer(&image, [Wrap::Repeat; 2]).unwrap();
+        let at = |u: f32| {
+            let x = (u * finer.width as f32) as u32;
+            texel(&finer, x, 0)[0]
+        };
+        for (u, expected) in [
+            (0.0, 0.5),
+            (0.25, 0.0),
+            (0.5, 0.5),
+            (0.75, 1.0),
+            (0.999, 0.5),
+        ] {
+            assert!((at(u) - expected).abs() < 0.01, "{u}: {}", at(u));
+        }
+        assert_eq!(wrapped_finer(&image, [Wrap::Clamp; 2]), None);
     }
 
     #[test]
