@@ -161,8 +161,9 @@ impl Accel {
 
     /// Returns the hit of a ray that goes on alone at a node or leaf: the nearest one up to `t`, or
     /// with `ANY` any, else the one that is `known` at `t`. For hierarchies without instances.
+    #[cfg(target_arch = "x86_64")]
     #[inline]
-    pub(crate) fn continue_from<const ANY: bool>(
+    pub(super) fn continue_from<const ANY: bool>(
         &self,
         from: u32,
         ray: &Ray,
@@ -174,7 +175,6 @@ impl Accel {
             ..BestHit::new(t)
         };
         match self.isa {
-            #[cfg(target_arch = "x86_64")]
             #[expect(unsafe_code, reason = "calls a function compiled for AVX2")]
             // SAFETY: `isa` is AVX2 or AVX-512 only if the processor has it, and AVX-512 implies
             // AVX2.
@@ -191,8 +191,9 @@ impl Accel {
 
     /// Returns the hit of a ray in a block: the nearest one up to `t`, or with `ANY` any, else the one
     /// that is `known` at `t`.
+    #[cfg(target_arch = "x86_64")]
     #[inline(always)]
-    pub(crate) fn hit_in_block<L: Simd8, const ANY: bool>(
+    pub(super) fn hit_in_block<L: Simd8, const ANY: bool>(
         &self,
         block: &Block,
         ray: &Ray,
