@@ -87,6 +87,17 @@ pub struct SceneBuilder {
     scene: CompiledScene,
 }
 
+/// Returns the map of an image as wide and high as a cone.
+pub fn image_map(texture: u32, cone: &Cone, even: bool) -> IntensityMap {
+    let right = cone.axis.any_orthonormal_vector() / cone.cutoff.tan();
+    let mapping = MapSpace::Plane {
+        right,
+        up: right.cross(cone.axis),
+        even,
+    };
+    IntensityMap { texture, mapping }
+}
+
 impl SceneBuilder {
     /// Returns an empty scene seen from `position` towards `target`.
     pub fn new(position: Vec3, target: Vec3, fov_deg: f32) -> SceneBuilder {
@@ -282,15 +293,7 @@ impl SceneBuilder {
         even: bool,
     ) -> SceneBuilder {
         let cone = Cone::new(axis, &cone);
-        let right = cone.axis.any_orthonormal_vector() / cone.cutoff.tan();
-        let map = IntensityMap {
-            texture: self.texture(image),
-            mapping: MapSpace::Plane {
-                right,
-                up: right.cross(cone.axis),
-                even,
-            },
-        };
+        let map = image_map(self.texture(image), &cone, even);
         self.with(|s| {
             s.points.push(PointLight {
                 position,

@@ -230,14 +230,14 @@ fn projectors_of_all_formats_show_their_image_upright() {
         let ends = if version == "3" { "WorldEnd\n" } else { "" };
         let short = (2.0 * (half / 2.0).atan()).to_degrees();
         format!(
-            "Camera \"perspective\"\nWorldBegin\nTranslate -1 2 3\n{turned}\
+            "Camera \"perspective\"\nWorldBegin\nTranslate -1 2 3\nScale 3 3 3\n{turned}\
              LightSource \"projection\" \"string {name}\" \"m.hdr\" \"float fov\" {short}\n{ends}"
         )
     };
     let scn = r#"{ "lights": [ { "type": "spot", "position": [1, 2, 3], "intensity": [1, 1, 1],
         "direction": [0, 0, 2], "map": "m.hdr", "angle": 50 } ] }"#;
     let xml = "<scene version=\"3.0.0\"><emitter type=\"projector\"><transform name=\"to_world\">\
-        <lookat origin=\"1,2,3\" target=\"1,2,5\" up=\"0,1,0\"/></transform><float name=\"fov\" \
+        <scale value=\"3\"/><lookat origin=\"1,2,3\" target=\"1,2,5\" up=\"0,1,0\"/></transform><float name=\"fov\" \
         value=\"50\"/><texture name=\"irradiance\" type=\"bitmap\"><string name=\"filename\" \
         value=\"m.hdr\"/><string name=\"wrap_mode\" value=\"clamp\"/></texture></emitter></scene>";
     let files = [

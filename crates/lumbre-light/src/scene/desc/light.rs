@@ -29,6 +29,13 @@ impl LightDesc {
         }
     }
 
+    /// Creates a light at a position in double precision, which replaces that of its kind.
+    pub fn placed(name: impl Into<String>, kind: LightKind, position: DVec3) -> LightDesc {
+        let mut light = LightDesc::new(name, kind);
+        light.place(position);
+        light
+    }
+
     /// Returns the position in double precision; `None` for a directional light.
     pub fn position(&self) -> Option<DVec3> {
         match self.kind {

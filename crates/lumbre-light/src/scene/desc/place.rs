@@ -15,6 +15,9 @@ const FAR: f64 = 8.0;
 /// are.
 const FAR_MESH: f64 = 4096.0;
 
+/// Number of vertices of a mesh that tell whether its scene can be far.
+const SOME_VERTICES: usize = 64;
+
 /// Returns a point in single precision, and what that leaves of it.
 pub fn split(point: DVec3) -> (Vec3, Vec3) {
     let rounded = point.as_vec3();
@@ -29,6 +32,18 @@ pub fn double(map: Affine3A) -> DAffine3 {
 /// Returns the point of a description that becomes the origin of its compiled scene: the origin, or
 /// for a scene that lies far from it a point near its middle.
 pub fn origin(desc: &SceneDesc) -> DVec3 {
+    // The box of some points is no larger than the scene, which reaches no further than its size
+    // beyond them. So few vertices tell for most scenes that they are near.
+    let [low, high] = bounds(desc, SOME_VERTICES);
+    let size = (high - low).max_element();
+    if low.abs().max(high.abs()).max_element() <= (FAR - 1.0) * size {
+        return DVec3::ZERO;
+    }
+    middle_of_far_box(bounds(desc, usize::MAX), FAR)
+}
+
+/// Returns the box of the spheres of a scene, and of about as many vertices of each mesh.
+fn bounds(desc: &SceneDesc, vertices: usize) -> [DVec3; 2] {
     let mut boxes: BTreeMap<*const _, [Vec3; 2]> = BTreeMap::new();
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for entity in &desc.entities {
@@ -40,9 +55,10 @@ pub fn origin(desc: &SceneDesc) -> DVec3 {
                 high = high.max(to_world.translation + radius);
             }
             ShapeDesc::Mesh(mesh) => {
-                let own = boxes
-                    .entry(Arc::as_ptr(mesh))
-                    .or_insert_with(|| box_of(&mesh.positions));
+                let own = boxes.entry(Arc::as_ptr(mesh)).or_insert_with(|| {
+                    let step = (mesh.positions.len() / vertices).max(1);
+                    box_of(mesh.positions.iter().step_by(step))
+                });
                 for corner in box_corners(*own) {
                     let corner = to_world.transform_point3(corner.as_dvec3());
                     (low, high) = (low.min(corner), high.max(corner));
@@ -50,7 +66,7 @@ pub fn origin(desc: &SceneDesc) -> DVec3 {
             }
         }
     }
-    middle_of_far_box([low, high], FAR)
+    [low, high]
 }
 
 /// Moves a scene.

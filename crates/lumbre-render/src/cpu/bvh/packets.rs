@@ -47,7 +47,7 @@ impl Accel {
         let mut alone = Vec::new();
         dispatch(
             width,
-            Trace::<ANY, _> {
+            PacketTrace::<ANY, _> {
                 accel: self,
                 rays,
                 done,
@@ -72,7 +72,7 @@ impl Accel {
 
 /// Kernel that traces rays: packets where rays form them. With `ANY` it searches any hit, else the
 /// nearest.
-struct Trace<'a, const ANY: bool, F> {
+struct PacketTrace<'a, const ANY: bool, F> {
     accel: &'a Accel,
     rays: &'a [(Ray, f32)],
     done: F,
@@ -302,7 +302,7 @@ impl<'a, const N: usize> Packet<'a, N> {
     }
 }
 
-impl<const ANY: bool, F> Trace<'_, ANY, F> {
+impl<const ANY: bool, F> PacketTrace<'_, ANY, F> {
     /// Traces the rays of a packet through the whole hierarchy.
     #[inline(always)]
     fn packet<R: Lanes<N>, const N: usize>(
@@ -519,7 +519,7 @@ impl<const N: usize> Packet<'_, N> {
     }
 }
 
-impl<const ANY: bool, F: FnMut(usize, Option<Hit>)> SimdKernel for Trace<'_, ANY, F> {
+impl<const ANY: bool, F: FnMut(usize, Option<Hit>)> SimdKernel for PacketTrace<'_, ANY, F> {
     type Output = ();
 
     #[inline(always)]

@@ -21,7 +21,7 @@ use lumbre_light::transport::sampler::Sampler;
 use lumbre_light::value::Value;
 use lumbre_render::{Job, Renderer, cpu::renderer::CpuRenderer};
 
-use crate::common::{SceneBuilder, WHITE, grey, job, light, render};
+use crate::common::{SceneBuilder, WHITE, grey, image_map, job, light, render};
 
 /// Side of the film in pixels.
 pub const SIDE: usize = 12;
@@ -509,17 +509,11 @@ fn integrators_agree_on_point_and_directional_lights() {
         cone,
         map: None,
     });
-    let right = cone.axis.any_orthonormal_vector() / cone.cutoff.tan();
-    let mapping = MapSpace::Plane {
-        right,
-        up: right.cross(cone.axis),
-        even: true,
-    };
     scene.points.push(PointLight {
         position: Vec3::new(0.1, 1.45, 0.4),
         intensity,
         cone,
-        map: Some(IntensityMap { mapping, ..map }),
+        map: Some(image_map(map.texture, &cone, true)),
     });
     let direction = Vec3::new(-0.3, -1.0, -0.4).normalize_or_zero();
     scene.directionals.push(DirectionalLight {

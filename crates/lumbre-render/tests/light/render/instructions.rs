@@ -144,17 +144,21 @@ fn hits_have_the_same_bits_with_every_instruction_set() {
     assert!(hits > 5000, "{hits}");
 }
 
-#[test]
-fn many_rays_have_the_hits_of_single_rays() {
-    let mut found = [0; 2];
-    let scenes = [
+/// Returns scenes with the points that their rays surround.
+fn scenes() -> [(Arc<CompiledScene>, Vec3); 4] {
+    [
         (soup(7), Vec3::ZERO),
         (stack(3e5), Vec3::new(3e5, 0.0, 3e5)),
         (random_primitives(300), Vec3::ZERO),
         // More than 2 MiB, from which rays are traversed in turn for any hit.
         (random_primitives(40_000), Vec3::ZERO),
-    ];
-    for (scene, center) in scenes {
+    ]
+}
+
+#[test]
+fn many_rays_have_the_hits_of_single_rays() {
+    let mut found = [0; 2];
+    for (scene, center) in scenes() {
         for isa in Isa::available() {
             let accel = Accel::build_as(Arc::clone(&scene), &AccelSpec::default(), *isa).unwrap();
             let limits = [f32::INFINITY, 0.7, 0.0, -1.0, 2.0];
@@ -193,13 +197,7 @@ fn many_rays_have_the_hits_of_single_rays() {
 #[test]
 fn rays_that_travel_together_have_the_hits_of_single_rays() {
     let mut found = [0; 2];
-    let scenes = [
-        (soup(7), Vec3::ZERO),
-        (stack(3e5), Vec3::new(3e5, 0.0, 3e5)),
-        (random_primitives(300), Vec3::ZERO),
-        (random_primitives(40_000), Vec3::ZERO),
-    ];
-    for (scene, center) in scenes {
+    for (scene, center) in scenes() {
         let mut numbers = numbers(5);
         let mut next = || numbers() - 0.5;
         let mut bundles: Vec<(Ray, f32)> = Vec::new();

@@ -18,7 +18,7 @@ use lumbre_light::transport::light::{LightSelection, Lights};
 use lumbre_light::value::Value;
 use lumbre_render::cpu::bvh::accel::Accel;
 
-use crate::common::{SceneBuilder, WHITE, grey, light};
+use crate::common::{SceneBuilder, WHITE, grey, image_map, light};
 use crate::render::agreement::{Params, params};
 use crate::render::guided::behind_a_wall;
 
@@ -389,17 +389,11 @@ fn weights_are_exact_for_environments_directional_lights_and_points() {
         cone,
         map: None,
     });
-    let right = cone.axis.any_orthonormal_vector() / cone.cutoff.tan();
-    let mapping = MapSpace::Plane {
-        right,
-        up: right.cross(cone.axis),
-        even: true,
-    };
     scene.points.push(PointLight {
         position: Vec3::new(0.1, 1.45, 0.4),
         intensity,
         cone,
-        map: Some(IntensityMap { mapping, ..map }),
+        map: Some(image_map(map.texture, &cone, true)),
     });
     let direction = Vec3::new(-0.3, -1.0, -0.4).normalize_or_zero();
     scene.directionals.push(DirectionalLight {

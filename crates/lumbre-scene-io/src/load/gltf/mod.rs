@@ -390,9 +390,8 @@ impl GltfLoader<'_> {
             }
         };
         let name = self.name(&light["name"], "light");
-        let mut light = LightDesc::new(name, kind);
-        light.place(world.translation);
-        self.lights.push(light);
+        self.lights
+            .push(LightDesc::placed(name, kind, world.translation));
         Ok(())
     }
 }

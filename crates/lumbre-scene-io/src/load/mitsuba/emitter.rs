@@ -123,9 +123,7 @@ pub(super) fn read(
 
 /// Returns a light without a name at a position.
 fn placed(kind: LightKind, position: DVec3) -> SceneLight {
-    let mut light = LightDesc::new("", kind);
-    light.place(position);
-    SceneLight::Light(light)
+    SceneLight::Light(LightDesc::placed("", kind, position))
 }
 
 /// Reads an environment map; `None` if its image cannot be read and the policy allows it.
@@ -294,7 +292,9 @@ fn projector(
     };
     let size = [texture.width, texture.height];
     let half = (f64::from(sensor::fov(o, size)?).to_radians() / 2.0).tan();
-    let side = |v: DVec3| map.transform_vector3(v).as_vec3();
+    // A scale of the transform moves the image away and makes it larger.
+    let along = map.transform_vector3(DVec3::Z).length();
+    let side = |v: DVec3| (map.transform_vector3(v) / along).as_vec3();
     let image = SpotImage {
         // Its space is that of a camera, with +x to the left.
         right: side(DVec3::NEG_X * (half * f64::from(size[0]) / f64::from(size[1]))),

@@ -182,10 +182,9 @@ impl LightReader<'_> {
         to_world: &DAffine3,
     ) -> Result<Option<SceneLight>, SceneError> {
         params.mark_read(&["samples", "nsamples"]);
-        let from = to_world.transform_point3(params.point("from", DVec3::ZERO)?);
         let light = match class {
-            "point" => SceneLight::Light(self.point(params, to_world)?, from),
-            "spot" => SceneLight::Light(self.spot(params, to_world)?, from),
+            "point" => self.point(params, to_world)?,
+            "spot" => self.spot(params, to_world)?,
             "projection" => match self.projection(params, to_world)? {
                 Some(kind) => SceneLight::Light(kind, to_world.translation),
                 None => return Ok(None),
@@ -193,7 +192,7 @@ impl LightReader<'_> {
             "goniometric" => {
                 SceneLight::Light(self.goniometric(params, to_world)?, to_world.translation)
             }
-            "distant" => SceneLight::Light(self.distant(params, to_world)?, from),
+            "distant" => SceneLight::Light(self.distant(params, to_world)?, DVec3::ZERO),
             "infinite" | "exinfinite" => match self.infinite(params, to_world)? {
                 Some(environment) => SceneLight::Environment(environment),
                 None => return Ok(None),
@@ -211,19 +210,20 @@ impl LightReader<'_> {
     }
 
     /// Reads a `point` light.
-    fn point(&mut self, params: &Params, to_world: &DAffine3) -> Result<LightKind, SceneError> {
-        let from = params.point("from", DVec3::ZERO)?;
+    fn point(&mut self, params: &Params, to_world: &DAffine3) -> Result<SceneLight, SceneError> {
+        let from = to_world.transform_point3(params.point("from", DVec3::ZERO)?);
         let intensity = self.color(params, "I")?;
         let power = params.number("power", -1.0)?;
         let by = if power > 0.0 { power / (4.0 * PI) } else { 1.0 };
-        Ok(LightKind::Point {
-            position: to_world.transform_point3(from).as_vec3(),
+        let kind = LightKind::Point {
+            position: from.as_vec3(),
             intensity: Self::limited(params, intensity, by)?,
-        })
+        };
+        Ok(SceneLight::Light(kind, from))
     }
 
     /// Reads a `spot` light. Its falloff is a polynomial of the cosine in pbrt.
-    fn spot(&mut self, params: &Params, to_world: &DAffine3) -> Result<LightKind, SceneError> {
+    fn spot(&mut self, params: &Params, to_world: &DAffine3) -> Result<SceneLight, SceneError> {
         let from = params.point("from", DVec3::ZERO)?;
         let to = params.point("to", DVec3::Z)?;
         let intensity = self.color(params, "I")?;
@@ -264,13 +264,15 @@ impl LightReader<'_> {
                  from {least} to {most}, and two different points"
             )));
         }
-        Ok(LightKind::Spot {
-            position: to_world.transform_point3(from).as_vec3(),
+        let from = to_world.transform_point3(from);
+        let kind = LightKind::Spot {
+            position: from.as_vec3(),
             direction,
             intensity: Self::limited(params, intensity, by)?,
             cone,
             image: None,
-        })
+        };
+        Ok(SceneLight::Light(kind, from))
     }
 
     /// Reads a `projection` light, whose angle is that of the shorter side of its image; `None` if
@@ -309,7 +311,9 @@ impl LightReader<'_> {
         } else {
             scale
         };
-        let side = |v: DVec3| to_world.transform_vector3(v).as_vec3();
+        // A scale of the transform moves the image away and makes it larger.
+        let along = to_world.transform_vector3(DVec3::Z).length();
+        let side = |v: DVec3| (to_world.transform_vector3(v) / along).as_vec3();
         let image = SpotImage {
             right: side(DVec3::X * half * w),
             up: side(up * half * h),

@@ -421,9 +421,8 @@ impl Loader {
         match reader.read(class, params, &to_world)? {
             Some(SceneLight::Environment(environment)) => self.environment = Some(environment),
             Some(SceneLight::Light(kind, position)) => {
-                let mut light = LightDesc::new(self.names.allocate(class), kind);
-                light.place(position);
-                self.lights.push(light);
+                let name = self.names.allocate(class);
+                self.lights.push(LightDesc::placed(name, kind, position));
             }
             None => {}
         }

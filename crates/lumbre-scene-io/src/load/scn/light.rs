@@ -94,9 +94,7 @@ pub(super) fn read(
         diagnostics,
     );
     let name = super::unique_name(names, given.as_deref(), what, place, diagnostics);
-    let mut light = LightDesc::new(name, kind);
-    light.place(point);
-    Ok(light)
+    Ok(LightDesc::placed(name, kind, point))
 }
 
 /// Returns the keys of vector and colour that a type of light needs, or `None` for an unknown type.
