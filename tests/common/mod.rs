@@ -154,10 +154,9 @@ impl SceneBuilder {
             });
         }
         self.scene.triangles.push(corners);
-        let normals = [cross.normalize_or_zero(); 3];
+        self.scene.normals.push([cross.normalize_or_zero(); 3]);
+        self.scene.uvs.push(uvs);
         self.scene.attributes.push(TriangleAttributes {
-            normals,
-            uvs,
             material: row,
             emitter,
         });

@@ -95,7 +95,10 @@ pub struct TraceArgs {
 #[derive(Args, Debug)]
 pub struct BsdfArgs {
     /// Scene file of any known format, or a Lua file that returns a scene.
-    pub file: PathBuf,
+    ///
+    /// Options of a Lua scene follow a question mark: `room.lua?light=lamps,size=3`.
+    #[arg(value_name = "FILE", value_parser = scene_arg)]
+    pub file: SceneArg,
     /// Name of the material.
     pub material: String,
     /// Direction to the viewer: angle from the normal and azimuth, in degrees.

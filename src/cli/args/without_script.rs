@@ -53,7 +53,7 @@ pub struct RenderArgs {
     /// Stop after this much render time: 30s, 5min.
     #[arg(long, value_name = "TIME", value_parser = seconds, allow_hyphen_values = true)]
     pub time: Option<f64>,
-    /// Write the picture to this file: .exr, .hdr or .png (repeatable) [default: NAME.exr, NAME.png].
+    /// Write the picture to this file: .exr, .hdr, .png or .bmp (repeatable) [default: NAME.exr, NAME.png].
     #[arg(short, long = "output", value_name = "FILE")]
     pub output: Vec<PathBuf>,
     /// Send pictures to the image viewer tev, which listens at 127.0.0.1:14158 by default.

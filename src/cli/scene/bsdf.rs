@@ -32,9 +32,10 @@ struct Found {
 
 /// Runs `lumbre bsdf`.
 pub fn main(args: &BsdfArgs, global: &Global) -> Result<Exit, Failure> {
-    let options = args.option.iter().cloned().collect();
-    let (mut desc, _) =
-        lumbre_lua::scene::read(&args.file, &options, global.missing()).map_err(Failure::usage)?;
+    let options = args.file.settings.iter().chain(&args.option);
+    let options = options.cloned().collect();
+    let read = lumbre_lua::scene::read(&args.file.file, &options, global.missing());
+    let (mut desc, _) = read.map_err(Failure::usage)?;
     for (path, value) in &args.set {
         edit::set(&mut desc, path, value).map_err(Failure::usage)?;
     }
@@ -63,7 +64,7 @@ pub fn main(args: &BsdfArgs, global: &Global) -> Result<Exit, Failure> {
     let description = format!(
         "{}\nscene {}\nmaterial {}",
         lumbre_night::text::program(),
-        args.file.display(),
+        args.file.text,
         args.material
     );
     let svg = draw(&LobeFigure {
@@ -220,7 +221,7 @@ fn report(args: &BsdfArgs, found: &Found, files: &[PathBuf; 2]) -> Json {
         })
     };
     json!({
-        "scene": args.file, "material": args.material, "at_deg": args.at, "uv": args.uv,
+        "scene": args.file.text, "material": args.material, "at_deg": args.at, "uv": args.uv,
         "files": files,
         "slice": {
             "value_times_cosine": lobe.values, "stated": lobe.densities, "drawn": lobe.histogram,

@@ -3,6 +3,7 @@
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
+use image::ImageFormat;
 use image::codecs::hdr::HdrEncoder;
 
 use crate::cli::scene::builtin::scene_name;
@@ -20,13 +21,16 @@ enum Format {
     Hdr,
     /// PNG: tone-mapped, with metadata.
     Png,
+    /// Windows bitmap: tone-mapped, without metadata.
+    Bmp,
 }
 
 /// File extensions of the formats.
-const FORMATS: [(&str, Format); 3] = [
+const FORMATS: [(&str, Format); 4] = [
     ("exr", Format::Exr),
     ("hdr", Format::Hdr),
     ("png", Format::Png),
+    ("bmp", Format::Bmp),
 ];
 
 /// A file to write.
@@ -60,7 +64,7 @@ impl OutputFile {
         let known = FORMATS.iter().find(|(name, _)| *name == extension);
         let Some((_, format)) = known else {
             return Err(format!(
-                "{}: pictures are written as .exr, .hdr or .png",
+                "{}: pictures are written as .exr, .hdr, .png or .bmp",
                 path.display()
             ));
         };
@@ -88,7 +92,7 @@ impl OutputFile {
     }
 
     /// Encodes a picture in this file's format. `extras` are stored in OpenEXR files, `display` is
-    /// the tone map of PNG files.
+    /// the tone map of PNG and BMP files.
     ///
     /// # Errors
     /// Returns a message if the encoder fails.
@@ -103,8 +107,19 @@ impl OutputFile {
             Format::Exr => exr::encode_with(image, extras, metadata).map_err(|e| e.to_string()),
             Format::Png => png::encode(image, display, metadata).map_err(|e| e.to_string()),
             Format::Hdr => encode_hdr(image).map_err(|e| e.to_string()),
+            Format::Bmp => {
+                let png = png::encode(image, display, &[]).map_err(|e| e.to_string())?;
+                to_bmp(&png).map_err(|e| e.to_string())
+            }
         }
     }
+}
+
+fn to_bmp(png: &[u8]) -> image::ImageResult<Vec<u8>> {
+    let mut bytes = Cursor::new(Vec::new());
+    image::load_from_memory_with_format(png, ImageFormat::Png)?
+        .write_to(&mut bytes, ImageFormat::Bmp)?;
+    Ok(bytes.into_inner())
 }
 
 fn encode_hdr(image: &Image) -> image::ImageResult<Vec<u8>> {
@@ -135,8 +150,8 @@ mod tests {
     #[test]
     fn files_that_cannot_be_written_are_refused_before_rendering() {
         for (file, reason) in [
-            ("a.jpg", ".exr, .hdr or .png"),
-            ("a", ".exr, .hdr or .png"),
+            ("a.jpg", ".exr, .hdr, .png or .bmp"),
+            ("a", ".exr, .hdr, .png or .bmp"),
             ("no/such/folder/a.exr", "there is no folder"),
         ] {
             let message = paths(&[file], "b.scn").unwrap_err();

@@ -272,7 +272,7 @@ fn dome() -> CompiledScene {
         .with(|s| {
             for i in 0..6 {
                 let corners = s.triangles[i];
-                s.attributes[i].normals =
+                s.normals.make_smooth()[i] =
                     corners.map(|p| (p * Vec3::new(1.0, 1.5, 1.0)).normalize_or(Vec3::Y));
             }
         });

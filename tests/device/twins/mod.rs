@@ -59,8 +59,8 @@ const SCENE: Twin = Twin {
             row.push_floats(c.to_array());
         }
         let a = &scene.attributes[1];
-        row.push_floats(a.normals[2].to_array());
-        row.push_floats(a.uvs[2].to_array());
+        row.push_floats(scene.normals.at(1)[2].to_array());
+        row.push_floats(scene.uvs[1][2].to_array());
         row.push(a.material);
         row.push(a.emitter);
         row.push_floats(scene.spheres[0].center.to_array());

@@ -198,8 +198,8 @@ fn many_materials() -> (Arc<CompiledScene>, Job) {
         builder = builder.sphere(center, radius, m);
     }
     let scene = builder.with(|s| {
-        for a in &mut s.attributes {
-            a.normals = a.normals.map(|n| (n + d.vector(0.7)).normalize_or(n));
+        for normals in s.normals.make_smooth() {
+            *normals = normals.map(|n| (n + d.vector(0.7)).normalize_or(n));
         }
         s.tangents = (0..TRIANGLES)
             .map(|_| {

@@ -588,7 +588,7 @@ fn bitmaps_have_the_orientation_of_mitsuba() {
         let (scene, _) = compile(&folder.load("a.xml").unwrap().0).unwrap();
         let m = &scene.materials[scene.attributes[0].material as usize];
         // A point slightly inside the bitmap, where it does not repeat.
-        let uvs = scene.attributes[0].uvs;
+        let uvs = scene.uvs[0];
         let uv = uvs[corner].lerp((uvs[0] + uvs[1] + uvs[2]) / 3.0, 0.3);
         let texture = &scene.textures[m.base_color_texture as usize];
         let c = texture.filtered(texture.image_uv(Uv::same(uv), m.tiling));

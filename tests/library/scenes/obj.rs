@@ -40,7 +40,7 @@ fn negative_indices_crlf_continuations_and_a_missing_mtl_are_accepted() {
         let (scene, notes) = through_scn(&text);
         assert_eq!(notes, "");
         assert_eq!(scene.triangles.len(), 2);
-        let uvs: Vec<Vec2> = scene.attributes.iter().flat_map(|a| a.uvs).collect();
+        let uvs: Vec<Vec2> = scene.uvs.iter().flatten().copied().collect();
         assert!(uvs.contains(&Vec2::new(1.0, 0.5)) && uvs.contains(&Vec2::ZERO));
     }
 }
@@ -49,7 +49,7 @@ fn negative_indices_crlf_continuations_and_a_missing_mtl_are_accepted() {
 fn faces_without_normals_face_against_their_winding() {
     let (scene, notes) = through_scn(&format!("{CORNERS}f 1 2 3\n"));
     assert_eq!(front(&scene, 0), Vec3::NEG_Z);
-    assert_eq!(scene.attributes[0].normals, [Vec3::NEG_Z; 3]);
+    assert_eq!(scene.normals.at(0), [Vec3::NEG_Z; 3]);
     assert_eq!(notes, "");
 }
 
@@ -59,7 +59,7 @@ fn faces_with_normals_face_the_side_of_their_normals() {
         "{CORNERS}vn 0 0 1\nvn 0 0 -1\nf 1//1 2//1 3//1\nf 1//2 2//2 3//2\n"
     ));
     assert_eq!((front(&scene, 0), front(&scene, 1)), (Vec3::Z, Vec3::NEG_Z));
-    assert_eq!(scene.attributes[1].normals, [Vec3::NEG_Z; 3]);
+    assert_eq!(scene.normals.at(1), [Vec3::NEG_Z; 3]);
 }
 
 #[test]

@@ -49,11 +49,11 @@ fn every_third_party_scn_loads_and_compiles() {
             file.display()
         );
         assert!(!notes.iter().any(|n| n.message.contains("black")));
-        for (points, a) in scene.triangles.iter().zip(&scene.attributes) {
+        for (i, points) in (0..).zip(&scene.triangles) {
             let front = (points[1] - points[0])
                 .cross(points[2] - points[0])
                 .normalize_or(Vec3::ZERO);
-            for n in a.normals {
+            for n in scene.normals.at(i) {
                 assert!(
                     (n.length() - 1.0).abs() < 1e-5 && n.dot(front) > -1e-4,
                     "{}",

@@ -135,7 +135,7 @@ fn mistakes_are_reported_before_anything_renders() {
         (&["ball.scn", "-i", "nees"], "did you mean `nee`"),
         (&["bal.scn"], "there is no file `bal.scn`"),
         (&["ball.scn", "materials.x.ior=2"], "unknown material `x`"),
-        (&["ball.scn", "-o", "a.jpg"], ".exr, .hdr or .png"),
+        (&["ball.scn", "-o", "a.jpg"], ".exr, .hdr, .png or .bmp"),
         (&["ball.scn", "--time", "soon"], "such as 30s"),
         (&["ball.scn", "--spp", "0"], "at least 1, found `0`"),
         (&["ball.scn", "-o", "/proc/a.exr"], "cannot write to /proc"),

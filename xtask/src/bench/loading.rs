@@ -214,5 +214,6 @@ fn described(desc: &SceneDesc) -> usize {
 
 /// Size of the triangle arrays; textures are counted with the description, which shares them.
 fn compiled(scene: &CompiledScene) -> usize {
-    size_of_val(&scene.triangles[..]) + size_of_val(&scene.attributes[..])
+    let memory = scene.memory();
+    memory.geometry as usize
 }

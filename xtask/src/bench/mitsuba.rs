@@ -1,10 +1,16 @@
 //! Processor time of one path of `nee`, beside Mitsuba 3's `path` on the same scene, both with one
 //! thread and in turn.
+//!
+//! Scenes are chosen by the hash of their names, so that no person chooses them: the same number from
+//! each folder, those left out that one of the programs cannot render.
 
+use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::Duration;
 
 use lumbre::cli::bench::subject::Subject;
 use lumbre::cli::format::aligned;
@@ -21,19 +27,15 @@ use crate::root;
 /// The server, which runs in the Python interpreter of the options.
 const SERVER: &str = include_str!("mitsuba.py");
 
-/// Scenes that are measured without a choice: one for each kind of surface and light.
-const SCENES: [&str; 10] = [
-    "cornell.lua",
-    "hare_box.lua",
-    "material_ball.lua",
-    "veach_lamps.lua",
-    "veach_mis.lua",
-    "bedroom.lua",
-    "forest.lua",
-    "many_lights.lua",
-    "masked_leaves/masked_leaves.scn",
-    "door_ajar.lua",
-];
+/// Folder of the built-in scenes.
+const BUILT_IN: &str = "scenes";
+
+/// Endings of the names of scene files. Meshes alone have no light.
+const ENDINGS: [&str; 6] = ["lua", "scn", "xml", "pbrt", "gltf", "glb"];
+
+/// Time after which a reply of Mitsuba counts as none: the longest compilation of kernels of scenes
+/// that finish takes a minute.
+const PATIENCE: Duration = Duration::from_secs(120);
 
 /// Side of the picture in pixels. It is square, since programs disagree on the axis of `fov`.
 const SIDE: u32 = 256;
@@ -50,9 +52,15 @@ const MAX_SAMPLES: u64 = 1 << 12;
 /// Options of the measurement.
 #[derive(clap::Args)]
 pub struct MitsubaArgs {
-    /// Scene files; by default ten built-in scenes
+    /// Scene files to measure, beside those that are chosen
     #[arg(value_name = "SCENE")]
     scenes: Vec<PathBuf>,
+    /// Folder to choose scenes from (repeatable) [default: the built-in scenes]
+    #[arg(long = "from", value_name = "FOLDER")]
+    folders: Vec<PathBuf>,
+    /// Number of scenes to choose, in equal parts from every folder
+    #[arg(long, value_name = "N", default_value_t = 20)]
+    choose: usize,
     /// Python interpreter that has the package `mitsuba`
     #[arg(long, value_name = "FILE", default_value = "python3")]
     python: String,
@@ -64,6 +72,8 @@ pub struct MitsubaArgs {
 /// Figures of one scene.
 struct Row {
     scene: String,
+    /// Whether the scene was chosen by the hash of its name.
+    chosen: bool,
     /// Median nanoseconds of processor time per path: Mitsuba and `nee`.
     ns: [f64; 2],
     /// Median over the rounds of Mitsuba's time divided by that of `nee`.
@@ -77,63 +87,144 @@ pub struct BesideMitsuba {
 }
 
 impl BesideMitsuba {
-    /// Measures each scene in `rounds` rounds.
+    /// Measures scenes in `rounds` rounds, prints each row as soon as it is known, and says which
+    /// scenes were left out and why.
     ///
     /// # Errors
-    /// Returns a message if a scene cannot be loaded, exported or rendered, Mitsuba does not start
-    /// or fails, or the system does not report processor time.
+    /// Returns a message if a folder cannot be read, or no scene can be rendered by both programs.
     pub fn measure(args: &MitsubaArgs, rounds: usize) -> Result<BesideMitsuba, String> {
-        let built_in = || SCENES.map(|name| root().join("scenes").join(name)).to_vec();
-        let scenes = if args.scenes.is_empty() {
-            built_in()
-        } else {
-            args.scenes.clone()
-        };
         let mut all = BesideMitsuba {
             version: String::new(),
             rows: Vec::new(),
         };
-        for scene in scenes {
-            let subject = Subject::built_in(scene);
-            eprintln!("measuring {}", subject.label);
-            let (version, row) = measure_scene(&subject, args, rounds)
-                .map_err(|problem| format!("{}: {problem}", subject.label))?;
-            all.version = version;
-            all.rows.push(row);
+        let built_in = [root().join(BUILT_IN)];
+        let folders: &[PathBuf] = match &args.folders[..] {
+            [] => &built_in,
+            given => given,
+        };
+        for (i, folder) in folders.iter().enumerate() {
+            let share = args.choose * (i + 1) / folders.len() - args.choose * i / folders.len();
+            let mut left = share;
+            for (name, file) in candidates(folder)? {
+                if left == 0 {
+                    break;
+                }
+                left -= usize::from(all.add(&name, file, true, args, rounds));
+            }
+        }
+        for file in &args.scenes {
+            let name = Subject::built_in(file.clone()).label;
+            all.add(&name, file.clone(), false, args, rounds);
+        }
+        if all.rows.is_empty() {
+            return Err("no scene was rendered by both programs".to_owned());
         }
         Ok(all)
+    }
+
+    /// Measures a scene. Returns whether both programs render it.
+    fn add(
+        &mut self,
+        name: &str,
+        file: PathBuf,
+        chosen: bool,
+        args: &MitsubaArgs,
+        rounds: usize,
+    ) -> bool {
+        match measure_scene(name, file, args, rounds) {
+            Ok((version, row)) => {
+                let row = Row { chosen, ..row };
+                eprintln!("{}", row.cells().join("  "));
+                self.version = version;
+                self.rows.push(row);
+                true
+            }
+            Err(problem) => {
+                let line = problem.lines().next().unwrap_or_default();
+                eprintln!("{name}: left out: {line}");
+                false
+            }
+        }
     }
 
     /// Formats the figures as text.
     pub fn table(&self) -> String {
         let head = ["scene", "Mitsuba ns", "nee ns", "ratio"];
         let mut lines = vec![head.map(str::to_owned).to_vec()];
-        lines.extend(self.rows.iter().map(|row| {
-            let [theirs, ours] = row.ns;
-            vec![
-                row.scene.clone(),
-                format!("{theirs:.0}"),
-                format!("{ours:.0}"),
-                format!("{:.2}", row.ratio),
-            ]
-        }));
-        let ratio = median(self.rows.iter().map(|row| row.ratio));
+        lines.extend(self.rows.iter().map(Row::cells));
+        let chosen = || {
+            self.rows
+                .iter()
+                .filter(|row| row.chosen)
+                .map(|row| row.ratio)
+        };
         format!(
             "Mitsuba {}, {SIDE}x{SIDE}, depth {MAX_DEPTH}, processor time per path, one thread\n\n\
-             {}\n\nmedian ratio {ratio:.2}\n",
+             {}\n\n{} scenes chosen by the hash of their names: median ratio {:.2}, least {:.2}\n",
             self.version,
-            aligned(&lines)
+            aligned(&lines),
+            chosen().count(),
+            median(chosen()),
+            chosen().fold(f64::INFINITY, f64::min),
         )
     }
 }
 
+impl Row {
+    fn cells(&self) -> Vec<String> {
+        let [theirs, ours] = self.ns;
+        let mark = if self.chosen { "" } else { " (named)" };
+        vec![
+            format!("{}{mark}", self.scene),
+            format!("{theirs:.0}"),
+            format!("{ours:.0}"),
+            format!("{:.2}", self.ratio),
+        ]
+    }
+}
+
+/// Returns the scene files of a folder with their names, in the order of the hashes of these. Of
+/// several files in one folder that differ in their endings alone, the first of [`ENDINGS`] counts.
+fn candidates(folder: &Path) -> Result<Vec<(String, PathBuf)>, String> {
+    let unreadable = |e: std::io::Error| format!("cannot read {}: {e}", folder.display());
+    let mut found: BTreeMap<PathBuf, (usize, PathBuf)> = BTreeMap::new();
+    let mut folders = vec![folder.to_path_buf()];
+    while let Some(next) = folders.pop() {
+        for entry in std::fs::read_dir(&next).map_err(unreadable)? {
+            let path = entry.map_err(unreadable)?.path();
+            if path.is_dir() {
+                folders.push(path);
+                continue;
+            }
+            let ending = path.extension().and_then(|ending| ending.to_str());
+            let Some(rank) = ENDINGS.iter().position(|known| Some(*known) == ending) else {
+                continue;
+            };
+            let kept = found
+                .entry(path.with_extension(""))
+                .or_insert((rank, path.clone()));
+            if rank < kept.0 {
+                *kept = (rank, path);
+            }
+        }
+    }
+    let named = |(_, file): (usize, PathBuf)| {
+        let name = file.strip_prefix(folder).unwrap_or(&file);
+        (name.display().to_string(), file)
+    };
+    let mut named: Vec<_> = found.into_values().map(named).collect();
+    named.sort_by_key(|(name, _)| *blake3::hash(name.as_bytes()).as_bytes());
+    Ok(named)
+}
+
 /// Measures one scene. Also returns Mitsuba's version.
 fn measure_scene(
-    subject: &Subject,
+    name: &str,
+    file: PathBuf,
     args: &MitsubaArgs,
     rounds: usize,
 ) -> Result<(String, Row), String> {
-    let mut desc = subject.load()?;
+    let mut desc = Subject::built_in(file).load()?;
     desc.resolution = [SIDE; 2];
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
     let exported = export::mitsuba(&desc, &folder.path().join("scene"));
@@ -163,7 +254,8 @@ fn measure_scene(
     let ratios = times[0].iter().zip(&times[1]).map(|(a, b)| a / b);
     let ratio = median(ratios);
     let row = Row {
-        scene: subject.label.clone(),
+        scene: name.to_owned(),
+        chosen: false,
         ns: times.map(median),
         ratio,
     };
@@ -190,7 +282,8 @@ fn advance(renderer: &mut dyn Renderer, samples: u64) -> Result<f64, String> {
 struct Mitsuba {
     process: Child,
     requests: ChildStdin,
-    replies: BufReader<ChildStdout>,
+    /// Lines of its standard output, which a thread reads.
+    replies: Receiver<String>,
 }
 
 impl Mitsuba {
@@ -212,10 +305,16 @@ impl Mitsuba {
         let (Some(requests), Some(replies)) = (process.stdin.take(), process.stdout.take()) else {
             return Err("no pipes to Mitsuba".to_owned());
         };
-        let mut mitsuba = Mitsuba {
+        let (lines, received) = channel();
+        std::thread::spawn(move || {
+            let all = BufReader::new(replies).lines().map_while(Result::ok);
+            all.take_while(|line| lines.send(line.clone()).is_ok())
+                .count()
+        });
+        let mitsuba = Mitsuba {
             process,
             requests,
-            replies: BufReader::new(replies),
+            replies: received,
         };
         let version = mitsuba.reply()?;
         Ok((mitsuba, version))
@@ -230,13 +329,11 @@ impl Mitsuba {
             .map_err(|_| format!("Mitsuba replied `{reply}` instead of a time"))
     }
 
-    fn reply(&mut self) -> Result<String, String> {
-        let mut line = String::new();
-        match self.replies.read_line(&mut line) {
-            Ok(0) => Err("Mitsuba ended; its messages are above".to_owned()),
-            Ok(_) => Ok(line.trim_end().to_owned()),
-            Err(e) => Err(format!("cannot read from Mitsuba: {e}")),
-        }
+    fn reply(&self) -> Result<String, String> {
+        self.replies.recv_timeout(PATIENCE).map_err(|e| match e {
+            RecvTimeoutError::Timeout => format!("Mitsuba took more than {PATIENCE:?}"),
+            RecvTimeoutError::Disconnected => "Mitsuba ended; its messages are above".to_owned(),
+        })
     }
 }
 

@@ -43,7 +43,7 @@ pub enum Layer {
 }
 
 /// First surface that the camera ray of a sample hits.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct FirstHit {
     /// Base colour, textures included.
     pub albedo: Vec3,

@@ -188,6 +188,13 @@ impl Index<usize> for SurfaceClasses {
 }
 
 impl HitState<f32> {
+    /// Returns the state of a hit whose material, even a composed one, is used as a whole.
+    #[inline]
+    pub fn whole(scene: &CompiledScene, hit: &Hit) -> HitState<f32> {
+        let row = scene.material_of(hit.primitive, hit.instance);
+        HitState::of_part(hit, row, NONE)
+    }
+
     /// Returns the state of a hit of `ray`. If the material is composed, `choose` draws a component:
     /// it returns a number in `[0, 1)`.
     #[inline]
@@ -209,6 +216,12 @@ impl HitState<f32> {
                 lookup(&scene.textures, blend.texture, uv, blend.tiling).x
             })
         };
+        HitState::of_part(hit, material, component)
+    }
+
+    /// Returns the state of a hit of a component of a material.
+    #[inline]
+    fn of_part(hit: &Hit, material: u32, component: u32) -> HitState<f32> {
         HitState {
             t: hit.t,
             v: hit.uv[0],

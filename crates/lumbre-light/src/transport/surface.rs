@@ -160,9 +160,7 @@ impl<R: Real> Primitives<R> {
         }
         Primitives::Triangles(Triangles {
             corners: load_three::<R, N>(map_array(primitives, |p| &scene.triangles[p as usize])),
-            normals: load_three::<R, N>(map_array(primitives, |p| {
-                &scene.attributes[p as usize].normals
-            })),
+            normals: load_normals::<R, N>(scene, primitives),
         })
     }
 
@@ -208,6 +206,24 @@ impl<R: Real> Primitives<R> {
         };
         own.max(R::splat(least_extent(scene)))
     }
+}
+
+/// Loads the shading normals at the corners of a triangle per lane.
+#[inline(always)]
+fn load_normals<R: Lanes<N>, const N: usize>(
+    scene: &CompiledScene,
+    primitives: [u32; N],
+) -> [R::Vec3; 3] {
+    if let Some(flat) = scene.normals.flat() {
+        let rows = map_array(primitives, |p| {
+            let n = flat[p as usize];
+            F32x8([n.x, n.y, n.z, 0.0, 0.0, 0.0, 0.0, 0.0])
+        });
+        let [x, y, z, ..] = R::transpose_load(rows.each_ref());
+        return [R::Vec3::new(x, y, z); 3];
+    }
+    let smooth = scene.normals.smooth();
+    load_three::<R, N>(map_array(primitives, |p| &smooth[p as usize]))
 }
 
 /// Loads three vectors per lane.
@@ -406,7 +422,10 @@ fn uv_at_hits<R: Lanes<N>, const N: usize>(
             second: first,
         };
     }
-    let uvs = map_array(hits.primitives, |p| &scene.attributes[p as usize].uvs);
+    if scene.uvs.is_empty() {
+        return Uv::zero();
+    }
+    let uvs = map_array(hits.primitives, |p| &scene.uvs[p as usize]);
     let first = load_uvs(uvs, hits.uv);
     let mut second = first;
     if traits.second_uv {

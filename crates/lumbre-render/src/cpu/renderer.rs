@@ -435,7 +435,10 @@ fn add_sample(
     invalid += u64::from(!finite) + u64::from(!row.finish_sample(x, finite));
     if let Some(layers) = layers {
         let sampler = || prepared.sampler(context.shared, pixel, sample);
-        invalid += layers.finish_sample(context, (pixel, sample), finite, rays, sampler);
+        // This ray is none of the technique's, so it does not count.
+        let context = prepared.context(&*prepared.accel, context.shared);
+        let hit = layers.first_hit(&context, pixel, sampler);
+        invalid += layers.finish_sample((x, sample), finite, rays, hit);
     }
     row.record_invalid(x, sample, invalid);
 }

@@ -78,8 +78,9 @@ impl SceneBuffers {
         Texels::check_count(device, layout.count)?;
         let textures = textures(scene, &layout);
         let tangents: Vec<layout::Tangents> = scene.tangents.iter().map(tangents).collect();
-        let attributes: Vec<layout::TriangleAttributes> =
-            scene.attributes.iter().map(attributes).collect();
+        let attributes: Vec<layout::TriangleAttributes> = (0..scene.triangles.len())
+            .map(|i| attributes(scene, i))
+            .collect();
         let spheres: Vec<layout::Sphere> = scene.spheres.iter().map(sphere).collect();
         let material = |(row, m): (usize, &compile::Material)| {
             let parts = scene.delays.rows.get(row).copied().unwrap_or_default();
@@ -218,9 +219,10 @@ fn triangle([a, b, c]: &[Vec3; 3]) -> layout::Triangle {
     }
 }
 
-fn attributes(t: &compile::TriangleAttributes) -> layout::TriangleAttributes {
-    let [na, nb, nc] = t.normals.map(Into::into);
-    let [ta, tb, tc] = t.uvs.map(Into::into);
+fn attributes(scene: &CompiledScene, triangle: usize) -> layout::TriangleAttributes {
+    let t = &scene.attributes[triangle];
+    let [na, nb, nc] = scene.normals.at(triangle as u32).map(Into::into);
+    let [ta, tb, tc] = scene.corner_uvs(triangle as u32).map(Into::into);
     layout::TriangleAttributes {
         na,
         nb,

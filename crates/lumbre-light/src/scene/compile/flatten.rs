@@ -72,6 +72,7 @@ pub fn compile_sharing(
     }
     scene.triangles.reserve_exact(total - spheres);
     scene.attributes.reserve_exact(total - spheres);
+    scene.normals.reserve_exact(total - spheres);
     for entity in &entities {
         add_mesh(&mut scene, entity, &mut resolver.notes)?;
     }

@@ -125,7 +125,7 @@ impl CompiledScene {
         }
         (
             self.triangles[primitive as usize],
-            self.attributes[primitive as usize].normals,
+            self.normals.at(primitive),
         )
     }
 
@@ -138,7 +138,7 @@ impl CompiledScene {
         (
             corners,
             self.instance(instance)
-                .normals(self.attributes[primitive as usize].normals, corners),
+                .normals(self.normals.at(primitive), corners),
         )
     }
 
@@ -244,6 +244,8 @@ impl CompiledScene {
         };
         flat.triangles.truncate(world);
         flat.attributes.truncate(world);
+        flat.normals.truncate(world);
+        flat.uvs.truncate(world);
         flat.tangents.truncate(world);
         flat.colors.truncate(world);
         flat.second_uvs.truncate(world);
@@ -266,11 +268,11 @@ impl CompiledScene {
                 }
                 let (corners, normals) = self.triangle(primitive, index);
                 flat.attributes.push(TriangleAttributes {
-                    normals,
-                    uvs: self.attributes[primitive as usize].uvs,
                     material: self.material_of(primitive, index),
                     emitter,
                 });
+                flat.normals.push(normals);
+                flat.uvs.extend(self.uvs.get(primitive as usize));
                 if !self.tangents.is_empty() {
                     flat.tangents.push(self.tangents_at(primitive, index));
                 }

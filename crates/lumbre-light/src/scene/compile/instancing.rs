@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use glam::{DMat3, DVec3, Mat3, Vec2, Vec3};
+use glam::{DMat3, DVec3, Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use super::corners::cofactor;
@@ -307,11 +307,10 @@ fn add_shared_mesh(
         let map = (&DMat3::IDENTITY, key.mirrors);
         given.extend(tangents::given(mesh, indices, map, [normals, placed]));
         scene.attributes.push(TriangleAttributes {
-            normals: placed,
-            uvs: indices.map(|i| mesh.uvs.get(i as usize).copied().unwrap_or(Vec2::ZERO)),
             material: *slot,
             emitter,
         });
+        scene.normals.push(placed);
         scene.triangles.push(points);
         corners::push(scene, mesh, indices);
     }

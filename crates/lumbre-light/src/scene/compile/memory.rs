@@ -18,6 +18,8 @@ impl CompiledScene {
     pub fn memory(&self) -> SceneMemory {
         let geometry = size_of_val(self.triangles.as_slice())
             + size_of_val(self.attributes.as_slice())
+            + self.normals.bytes()
+            + size_of_val(self.uvs.as_slice())
             + size_of_val(self.tangents.as_slice())
             + size_of_val(self.colors.as_slice())
             + size_of_val(self.second_uvs.as_slice())

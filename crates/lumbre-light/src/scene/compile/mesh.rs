@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use glam::{DAffine3, DVec3, Vec2, Vec3};
+use glam::{DAffine3, DVec3, Vec3};
 
 use super::corners::cofactor;
 use super::resolver::MaterialResolver;
@@ -131,12 +131,10 @@ pub(super) fn add_mesh(
         let on_front = on_front_side(normals, front);
         let map = (&to_world.matrix3, mirrors);
         given.extend(tangents::given(mesh, indices, map, [normals, on_front]));
-        scene.attributes.push(TriangleAttributes {
-            normals: on_front,
-            uvs: indices.map(|i| mesh.uvs.get(i as usize).copied().unwrap_or(Vec2::ZERO)),
-            material,
-            emitter,
-        });
+        scene
+            .attributes
+            .push(TriangleAttributes { material, emitter });
+        scene.normals.push(on_front);
         scene.triangles.push(points);
         corners::push(scene, mesh, indices);
     }

@@ -11,6 +11,7 @@ mod lights;
 mod materials;
 mod memory;
 mod mesh;
+mod normals;
 mod resolver;
 mod rough_interface;
 mod shared_texels;
@@ -29,6 +30,7 @@ pub use flatten::{MAX_PRIMITIVES, compile, compile_camera, compile_sharing};
 pub use instance::{Instance, Instances, MAX_FLATTENED_PRIMITIVES, SharedMesh};
 pub use lights::{Cone, DirectionalLight, Environment, IntensityMap, MapSpace, PointLight};
 pub use memory::SceneMemory;
+pub use normals::Normals;
 pub use texels::srgb_to_linear;
 pub use texels::{Curve, LinearTexels};
 pub use texture::{Footprint, Texture, Uv, UvMap};
@@ -57,6 +59,11 @@ pub struct CompiledScene {
     pub triangles: Vec<[Vec3; 3]>,
     /// Shading attributes of the same triangles.
     pub attributes: Vec<TriangleAttributes>,
+    /// Shading normals at the vertices of every triangle.
+    pub normals: Normals,
+    /// Texture coordinates at the vertices of every triangle, zero for meshes without. Empty if no
+    /// mesh has any.
+    pub uvs: Vec<[Vec2; 3]>,
     /// Tangents at the vertices of every triangle in MikkTSpace: a unit vector along increasing u,
     /// and in `w` the sign of the bitangent `w (n x t)`, which points along increasing v. Empty if
     /// no material needs tangents; zero for triangles without one.
@@ -102,29 +109,15 @@ pub struct CompiledScene {
     pub max_depth: u32,
 }
 
-/// Shading attributes of a triangle.
+/// Attributes that every triangle has.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TriangleAttributes {
-    /// Unit shading normals at the vertices, on the front side.
-    pub normals: [Vec3; 3],
-    /// Texture coordinates at the vertices.
-    pub uvs: [Vec2; 3],
     /// Index into [`CompiledScene::materials`]; for a shared mesh the slot, see
     /// [`Instances::materials`].
     pub material: u32,
     /// Index into [`CompiledScene::emitters`], or [`NONE`]; for a shared mesh see
     /// [`SharedMesh::emissive`].
     pub emitter: u32,
-}
-
-impl TriangleAttributes {
-    /// Returns the texture coordinates at a point, given the weights of the second and third
-    /// vertex.
-    #[inline]
-    pub fn uv(&self, [v, w]: [f32; 2]) -> Vec2 {
-        let [a, b, c] = self.uvs;
-        a * (1.0 - v - w) + b * v + c * w
-    }
 }
 
 /// An analytic sphere; its front is the outside.

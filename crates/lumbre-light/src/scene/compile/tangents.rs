@@ -83,11 +83,11 @@ impl Geometry for Mesh<'_> {
     }
 
     fn normal(&self, face: usize, vert: usize) -> [f32; 3] {
-        self.scene.attributes[self.first + face].normals[vert].to_array()
+        self.scene.normals.at((self.first + face) as u32)[vert].to_array()
     }
 
     fn tex_coord(&self, face: usize, vert: usize) -> [f32; 2] {
-        self.scene.attributes[self.first + face].uvs[vert].to_array()
+        self.scene.corner_uvs((self.first + face) as u32)[vert].to_array()
     }
 
     fn set_tangent(&mut self, tangent: Option<TangentSpace>, face: usize, vert: usize) {

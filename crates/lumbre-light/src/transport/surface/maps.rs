@@ -188,10 +188,12 @@ fn bump_rises(scene: &CompiledScene, m: &Material, primitive: u32, uv: Uv) -> [f
         .map_or(slopes, |map| map.matrix2.transpose() * slopes);
     let slopes = slopes * (m.tiling.scale * m.bump_height);
     let i = primitive as usize;
-    let Some(attributes) = scene.attributes.get(i) else {
+    if i >= scene.triangles.len() {
         return slopes.to_array();
-    };
+    }
     let second = scene.second_uvs.get(i).filter(|_| map.lookup.second);
-    let [a, b, c] = *second.unwrap_or(&attributes.uvs);
+    let [a, b, c] = second
+        .copied()
+        .unwrap_or_else(|| scene.corner_uvs(primitive));
     [slopes.dot(b - a), slopes.dot(c - a)]
 }

@@ -13,9 +13,9 @@ use std::time::Instant;
 
 use glam::Vec3A;
 
-use super::build;
 use super::build_primitive::BuildPrimitive;
-use super::bvh8::{Block, BuildItem, Bvh8, LEAF, Node, TreeRoot};
+use super::bvh8::{Block, BuildItem, Bvh8, INSTANCE, LEAF, Node, TreeRoot};
+use super::chunks::TreeItems;
 use super::compressed;
 use super::instances;
 use super::instances::MeshInstance;
@@ -188,39 +188,39 @@ impl Accel {
             .iter()
             .map(|m| build_mesh(&scene, m.triangles.start, m.triangles.end, spec, &mut bvh8))
             .collect();
-        let mut primitives = world_primitives(&scene);
-        let in_world = primitives.len();
+        let mut others: Vec<BuildPrimitive> = sphere_boxes(&scene).collect();
         for instance in &scene.instances.placements {
             let mesh = &meshes[instance.mesh as usize];
             let root = (mesh.index & LEAF == 0).then(|| &bvh8.nodes[mesh.index as usize]);
-            primitives.push(instances::instance_bounds(instance, mesh, root));
+            others.push(instances::instance_bounds(instance, mesh, root));
             self.instances.push(MeshInstance::new(instance, mesh));
         }
-        let triangles = scene.world_triangles();
+        let triangles = &scene.triangles[..scene.world_triangles()];
         let item = |i: u32| {
             let i = i as usize;
-            if i < triangles {
-                BuildItem::Triangle(i as u32, scene.triangles[i])
-            } else if i < in_world {
-                BuildItem::Sphere((i - triangles + scene.triangles.len()) as u32)
-            } else {
-                let instance = i - in_world;
-                BuildItem::Instance(
-                    instance as u32,
+            let Some(other) = i.checked_sub(triangles.len()) else {
+                return BuildItem::Triangle(i as u32, triangles[i]);
+            };
+            match other.checked_sub(scene.spheres.len()) {
+                None => BuildItem::Sphere((other + scene.triangles.len()) as u32),
+                Some(instance) => BuildItem::Tree(
+                    LEAF | INSTANCE | instance as u32,
                     meshes[scene.instances.placements[instance].mesh as usize].cost,
-                )
+                ),
             }
         };
-        if primitives.is_empty() {
+        let items = TreeItems {
+            triangles,
+            others: &others,
+            item: &item,
+        };
+        if items.len() == 0 {
             return Ok(());
         }
-        let one_leaf = self.instances.is_empty() && primitives.len() <= self.isa.one_leaf();
+        let one_leaf = self.instances.is_empty() && items.len() <= self.isa.one_leaf();
         let spec = top_level_spec(spec, self.instances.is_empty(), one_leaf);
-        progress.begin("the binary tree");
-        let corners = &scene.triangles[..triangles];
-        let binary = build::build_scene(&spec, corners, &primitives, spec.max_leaf);
-        progress.begin("nodes with eight children");
-        let root = bvh8.add_tree(&binary, &primitives, &item);
+        progress.begin("the tree of the scene");
+        let root = items.add_to(&mut bvh8, &spec);
         let mesh_levels = self
             .scene
             .instances
@@ -300,11 +300,15 @@ pub fn world_primitives(scene: &CompiledScene) -> Vec<BuildPrimitive> {
     let triangles = scene.triangles[..scene.world_triangles()]
         .iter()
         .map(BuildPrimitive::triangle);
-    let spheres = scene.spheres.iter().map(|s| {
+    triangles.chain(sphere_boxes(scene)).collect()
+}
+
+/// Returns the boxes and centroids of the spheres.
+fn sphere_boxes(scene: &CompiledScene) -> impl Iterator<Item = BuildPrimitive> {
+    scene.spheres.iter().map(|s| {
         let (c, r) = (Vec3A::from(s.center), Vec3A::splat(s.radius));
         BuildPrimitive::from_box(c - r, c + r)
-    });
-    triangles.chain(spheres).collect()
+    })
 }
 
 /// Returns the settings of the scene's own tree, which may be a single leaf. With instances, every
@@ -330,11 +334,10 @@ fn build_mesh(
     bvh8: &mut Bvh8,
 ) -> TreeRoot {
     let triangles = &scene.triangles[start as usize..end as usize];
-    let primitives: Vec<BuildPrimitive> = triangles.iter().map(BuildPrimitive::triangle).collect();
-    let item = |i: u32| BuildItem::Triangle(start + i, triangles[i as usize]);
-    bvh8.add_tree(
-        &build::build_scene(spec, triangles, &primitives, spec.max_leaf),
-        &primitives,
-        &item,
-    )
+    let items = TreeItems {
+        triangles,
+        others: &[],
+        item: &|i| BuildItem::Triangle(start + i, triangles[i as usize]),
+    };
+    items.add_to(bvh8, spec)
 }

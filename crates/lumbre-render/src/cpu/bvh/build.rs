@@ -137,7 +137,7 @@ fn bounding_box(primitives: &[BuildPrimitive], members: &[u32]) -> Aabb {
 }
 
 /// Moves the members that satisfy a predicate to the front and returns their number.
-fn partition(members: &mut [u32], first: impl Fn(u32) -> bool) -> usize {
+pub(crate) fn partition(members: &mut [u32], first: impl Fn(u32) -> bool) -> usize {
     let mut middle = 0;
     for i in 0..members.len() {
         if first(members[i]) {
@@ -188,16 +188,24 @@ fn median_split(primitives: &[BuildPrimitive], members: &mut [u32]) -> Option<us
         (low.min(centroid(*i)), high.max(centroid(*i)))
     });
     let size = high - low;
-    let axis = (0..3)
-        .max_by(|a, b| size[*a].total_cmp(&size[*b]))
-        .unwrap_or(2);
+    let axis = (0..3).max_by(|a, b| size[*a].total_cmp(&size[*b]));
+    Some(split_at_median(axis.unwrap_or(2), centroid, members))
+}
+
+/// Reorders members into two halves of equal number, by their centroids along an axis. Returns the
+/// index at which the second half begins.
+pub(crate) fn split_at_median(
+    axis: usize,
+    centroid: impl Fn(u32) -> Vec3A,
+    members: &mut [u32],
+) -> usize {
     let middle = members.len() / 2;
     // Equal centroids are ordered by index, so that the tree does not depend on the selection.
     members.select_nth_unstable_by(middle, |a, b| {
         let by_place = centroid(*a)[axis].total_cmp(&centroid(*b)[axis]);
         by_place.then(a.cmp(b))
     });
-    Some(middle)
+    middle
 }
 
 /// Splits at the bin border of least cost by the surface area heuristic: the sum over both sides of

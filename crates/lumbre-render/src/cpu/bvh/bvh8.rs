@@ -76,15 +76,16 @@ pub(crate) struct Block {
     pub last: bool,
 }
 
-/// Primitive or instance that an index of a binary tree refers to.
+/// Primitive or tree that an index of a binary tree refers to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum BuildItem {
     /// Triangle: its primitive index and corners.
     Triangle(u32, [Vec3; 3]),
     /// Sphere: its primitive index.
     Sphere(u32),
-    /// Instance of a mesh: its index, and the expected cost of a ray that meets its box.
-    Instance(u32, f64),
+    /// Another tree, or an instance of one: the child of a node that stands for it, and the expected
+    /// cost of a ray that meets its box.
+    Tree(u32, f64),
 }
 
 /// Nodes and blocks of any number of trees.
@@ -121,7 +122,7 @@ struct Collapse<'a> {
 }
 
 impl Bvh8 {
-    /// Adds a binary tree over `primitives`; `item` returns the primitive that an index refers to.
+    /// Adds a binary tree over `primitives`; `item` returns what an index refers to.
     /// A leaf is a subtree that fits into one block, or a leaf of the binary tree.
     pub fn add_tree(
         &mut self,
@@ -129,9 +130,9 @@ impl Bvh8 {
         primitives: &[BuildPrimitive],
         item: &dyn Fn(u32) -> BuildItem,
     ) -> TreeRoot {
-        // An instance counts as more primitives than fit into a block.
+        // A tree counts as more primitives than fit into a block.
         let weights = weights(bvh, |i| match item(i) {
-            BuildItem::Instance(..) => LANES as u32 + 1,
+            BuildItem::Tree(..) => LANES as u32 + 1,
             _ => 1,
         });
         // Boxes inside a block would save nothing.
@@ -201,7 +202,7 @@ impl Bvh8 {
     }
 
     /// Adds all primitives below a binary node as one leaf; `level` is that of its parent. Every
-    /// instance is a leaf of its own. If there are several leaves, they are joined by nodes.
+    /// tree is a child of its own. If there are several children, they are joined by nodes.
     fn push_leaf(&mut self, collapse: &mut Collapse, binary: usize, level: usize) -> u32 {
         let mut members = Vec::new();
         collect_primitives(collapse.bvh, binary, &mut members);
@@ -211,15 +212,15 @@ impl Bvh8 {
         let aabb = *collapse.bvh.nodes[binary].aabb();
         let mut leaves: Vec<(u32, Aabb)> = Vec::new();
         for (i, item) in members.iter().zip(&items) {
-            if let BuildItem::Instance(instance, cost) = item {
+            if let BuildItem::Tree(child, cost) = item {
                 let aabb = collapse.primitives[*i as usize].aabb;
                 collapse.weighted_area += f64::from(aabb.half_area()) * cost;
-                leaves.push((LEAF | INSTANCE | instance, aabb));
+                leaves.push((*child, aabb));
             }
         }
         let primitives: Vec<BuildItem> = items
             .into_iter()
-            .filter(|item| !matches!(item, BuildItem::Instance(..)))
+            .filter(|item| !matches!(item, BuildItem::Tree(..)))
             .collect();
         if !primitives.is_empty() {
             collapse.weighted_area += f64::from(aabb.half_area()) * primitives.len() as f64;

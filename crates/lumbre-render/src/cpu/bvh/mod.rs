@@ -31,6 +31,7 @@ pub mod accel;
 pub mod build;
 pub mod build_primitive;
 pub mod bvh8;
+pub mod chunks;
 mod clusters;
 pub mod collapse;
 pub mod compressed;

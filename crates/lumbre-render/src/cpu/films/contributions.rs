@@ -69,6 +69,34 @@ impl TimedContribution {
     }
 }
 
+/// Order of items by their path; items of a path keep their order. Its buffers are reused.
+#[derive(Default)]
+pub struct PathOrder {
+    /// Place in `order` of the next item of each path.
+    next: Vec<u32>,
+    order: Vec<u32>,
+}
+
+impl PathOrder {
+    /// Returns the indices of items by path, given the path of each, which is below `paths`.
+    pub fn sort(&mut self, paths: usize, of: impl ExactSizeIterator<Item = u32> + Clone) -> &[u32] {
+        self.next.clear();
+        self.next.resize(paths, 0);
+        self.order.resize(of.len(), 0);
+        of.clone().for_each(|path| self.next[path as usize] += 1);
+        let mut sum = 0;
+        for next in &mut self.next {
+            sum += std::mem::replace(next, sum);
+        }
+        for (i, path) in of.enumerate() {
+            let next = &mut self.next[path as usize];
+            self.order[*next as usize] = i as u32;
+            *next += 1;
+        }
+        &self.order
+    }
+}
+
 /// Contributions of a batch of paths to their own pixels, in slots of the time axis.
 #[derive(Default)]
 pub struct TimedContributions {
@@ -76,8 +104,7 @@ pub struct TimedContributions {
     unsorted: Vec<TimedContribution>,
     /// The same contributions sorted by path; those of a path keep their order.
     sorted: Vec<TimedContribution>,
-    /// Scratch buffer of the sort: index in `sorted` of the next contribution of each path.
-    next_index: Vec<u32>,
+    order: PathOrder,
 }
 
 impl TimedContributions {
@@ -96,22 +123,10 @@ impl TimedContributions {
 
     /// Sorts the contributions by path; path indices are below `paths`.
     pub fn sort(&mut self, paths: usize) {
-        self.next_index.clear();
-        self.next_index.resize(paths, 0);
-        for contribution in &self.unsorted {
-            self.next_index[contribution.path as usize] += 1;
-        }
-        let mut sum = 0;
-        for next in &mut self.next_index {
-            sum += std::mem::replace(next, sum);
-        }
-        self.sorted
-            .resize(self.unsorted.len(), TimedContribution::default());
-        for contribution in &self.unsorted {
-            let next = &mut self.next_index[contribution.path as usize];
-            self.sorted[*next as usize] = *contribution;
-            *next += 1;
-        }
+        let order = self.order.sort(paths, self.unsorted.iter().map(|c| c.path));
+        self.sorted.clear();
+        let sorted = order.iter().map(|i| self.unsorted[*i as usize]);
+        self.sorted.extend(sorted);
     }
 
     /// Returns the contributions sorted by path. [`sort`](Self::sort) must have been called after

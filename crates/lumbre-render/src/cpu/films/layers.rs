@@ -10,6 +10,7 @@ use std::sync::OnceLock;
 
 use glam::Vec3;
 
+use super::first_hits::first_hit;
 use crate::Job;
 use lumbre_light::film::Film;
 use lumbre_light::film::layer::{FirstHit, Layer, LayerFilm, LayerLayout, LayerSource};
@@ -19,13 +20,32 @@ use lumbre_light::math::luminance::luminance_of;
 use lumbre_light::transport::contribution::Contribution;
 use lumbre_light::transport::integrator::Context;
 use lumbre_light::transport::sampler::Sampler;
-use lumbre_light::transport::surface::{Surface, uv_at};
 
 /// Sum and sum of squares of one film at one pixel.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct Moments {
     sum: [f64; 3],
     sum2: [f64; 3],
+}
+
+/// Facts about each sample that layers need.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct LayerNeeds {
+    /// Each contribution, with its strategy and its light without weight.
+    pub contributions: bool,
+    /// The number of rays.
+    pub rays: bool,
+    /// The surface that the camera ray hits.
+    pub surfaces: bool,
+}
+
+impl LayerNeeds {
+    /// Everything about the light of a sample.
+    pub const LIGHT: LayerNeeds = LayerNeeds {
+        contributions: true,
+        rays: true,
+        surfaces: false,
+    };
 }
 
 /// Layout of the films, and the splat sums; shared by all rows.
@@ -35,8 +55,7 @@ pub(crate) struct LayerSpec {
     /// Index of the first sample of every pixel.
     first_sample: u64,
     pixels: usize,
-    /// Whether any layer needs the surface that the camera ray hits.
-    surfaces: bool,
+    needs: LayerNeeds,
     /// Number of films to which contributions are added; their indices precede all others.
     contribution_films: usize,
     /// Index of each film's splat sums among those of a pixel; `None` for films without splats.
@@ -73,19 +92,24 @@ impl LayerFilms {
         };
         let splat_index = layout.films().iter().map(&mut next_splat_index).collect();
         let own = vec![Moments::default(); layout.summed().len() * pixels as usize];
-        let needs_surface = |film: &LayerFilm| {
-            let source = film.layer.row().source;
-            matches!(
-                source,
-                LayerSource::FirstHit(_) | LayerSource::FirstIndex(_)
-            )
+        let contribution_films = layout.contribution_films();
+        let mut needs = LayerNeeds {
+            contributions: contribution_films > 0,
+            ..LayerNeeds::default()
         };
+        for film in layout.films() {
+            match film.layer.row().source {
+                LayerSource::Rays => needs.rays = true,
+                LayerSource::FirstHit(_) | LayerSource::FirstIndex(_) => needs.surfaces = true,
+                LayerSource::Contributions | LayerSource::Variance => (),
+            }
+        }
         let spec = LayerSpec {
             max_depth: job.max_depth,
             first_sample: job.first_sample,
             pixels: pixels as usize,
-            surfaces: layout.films().iter().any(needs_surface),
-            contribution_films: layout.contribution_films(),
+            needs,
+            contribution_films,
             splat_index,
             splat_films,
             splats: OnceLock::new(),
@@ -171,6 +195,8 @@ pub(crate) struct LayerRowFilm<'a> {
     row: &'a mut [Moments],
     /// Contribution of the current sample to each film of its own pixel.
     values: Vec<Vec3>,
+    /// Films that the current sample contributes to.
+    touched: Vec<u32>,
 }
 
 impl<'a> LayerRowFilm<'a> {
@@ -180,14 +206,37 @@ impl<'a> LayerRowFilm<'a> {
             spec,
             row,
             values: vec![Vec3::ZERO; spec.layout.summed().len()],
+            touched: Vec::new(),
         }
+    }
+
+    /// Returns the facts about each sample that the layers need.
+    pub(crate) fn needs(&self) -> LayerNeeds {
+        self.spec.needs
+    }
+
+    /// Returns the surface that the camera ray of a sample hits, if a layer needs it; `sampler`
+    /// creates its sampler anew.
+    pub(crate) fn first_hit(
+        &self,
+        context: &Context,
+        pixel: [u32; 2],
+        sampler: impl FnOnce() -> Sampler,
+    ) -> Option<FirstHit> {
+        let wanted = self.spec.needs.surfaces;
+        wanted.then(|| first_hit(context, pixel, &mut sampler()))?
     }
 
     /// Adds a contribution to the sample's own pixel. Returns the number of rejections: 1 if its
     /// depth exceeds the limit, else 0.
     pub(crate) fn add(&mut self, c: &Contribution) -> u64 {
-        let values = &mut self.values;
+        let LayerRowFilm {
+            values, touched, ..
+        } = self;
         self.spec.for_each_film(c, |film, value| {
+            if values[film] == Vec3::ZERO {
+                touched.push(film as u32);
+            }
             values[film] += value;
             true
         })
@@ -207,28 +256,25 @@ impl<'a> LayerRowFilm<'a> {
         })
     }
 
-    /// Ends a sample of `pixel`, which must be in this row. `accepted` is whether the main film
-    /// accepted it, `rays` the number of rays that it traced, and `sampler` creates its sampler
-    /// anew. Returns the number of films whose value was not finite and was dropped.
+    /// Ends a sample of the pixel in column `x`. `accepted` is whether the main film accepted it,
+    /// `rays` the number of rays that it traced, and `hit` the surface that its camera ray hits,
+    /// where layers [need](Self::needs) these. Returns the number of films whose value was not
+    /// finite and was dropped.
     pub(crate) fn finish_sample(
         &mut self,
-        context: &Context,
-        (pixel, sample): ([u32; 2], u64),
+        (x, sample): (u32, u64),
         accepted: bool,
         rays: u64,
-        sampler: impl FnOnce() -> Sampler,
+        hit: Option<FirstHit>,
     ) -> u64 {
+        let (spec, values) = (self.spec, &mut self.values);
         if !accepted {
-            self.values[..self.spec.contribution_films].fill(Vec3::ZERO);
+            values[..spec.contribution_films].fill(Vec3::ZERO);
         }
-        let spec = self.spec;
-        let hit = spec
-            .surfaces
-            .then(|| first_hit(context, pixel, &mut sampler()));
-        let hit = hit.flatten();
-        let films = spec.layout.summed().iter().zip(&mut self.values);
-        for (film, value) in films.skip(spec.contribution_films) {
-            *value = match (film.layer.row().source, &hit) {
+        let films = spec.layout.summed().iter().enumerate();
+        for (i, film) in films.skip(spec.contribution_films) {
+            self.touched.push(i as u32);
+            values[i] = match (film.layer.row().source, &hit) {
                 (LayerSource::Rays, _) => Vec3::splat(rays as f32),
                 (LayerSource::FirstHit(value), Some(hit)) => value(hit),
                 (LayerSource::FirstIndex(index), Some(hit)) if sample == spec.first_sample => {
@@ -237,10 +283,11 @@ impl<'a> LayerRowFilm<'a> {
                 _ => Vec3::ZERO,
             };
         }
-        let start = pixel[0] as usize * self.values.len();
+        let sums = &mut self.row[x as usize * values.len()..];
         let mut rejected = 0;
-        for (sums, value) in self.row[start..].iter_mut().zip(&mut self.values) {
-            let v = std::mem::take(value);
+        for film in self.touched.drain(..) {
+            let v = std::mem::take(&mut values[film as usize]);
+            let sums = &mut sums[film as usize];
             if !v.is_finite() {
                 rejected += 1;
             } else if v != Vec3::ZERO {
@@ -253,30 +300,6 @@ impl<'a> LayerRowFilm<'a> {
         }
         rejected
     }
-}
-
-/// Returns the surface that a sample's camera ray hits, or `None`. Traces the ray again, since the
-/// integrator does not report its first hit.
-fn first_hit(context: &Context, pixel: [u32; 2], sampler: &mut Sampler) -> Option<FirstHit> {
-    let scene = context.scene;
-    let ray = context.camera.sample_ray(pixel, sampler);
-    let hit = context.trace.closest(&ray, f32::INFINITY)?;
-    let surface = Surface::at(scene, &ray, &hit);
-    let hit_from_behind = surface.n_geometric.dot(ray.dir) > 0.0;
-    let [shape, primitive] = scene.entity_of(hit.primitive, hit.instance);
-    Some(FirstHit {
-        albedo: surface.shading_parameters(&scene.textures).base_color,
-        normal: if hit_from_behind {
-            -surface.n_shading
-        } else {
-            surface.n_shading
-        },
-        distance: ray.origin.distance(surface.position),
-        position: scene.described(surface.position),
-        uv: uv_at(scene, &ray, &hit).first,
-        shape,
-        primitive,
-    })
 }
 
 impl LayerSpec {

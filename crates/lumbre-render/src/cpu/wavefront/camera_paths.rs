@@ -7,8 +7,7 @@ use std::mem::take;
 
 use super::light::{LaneSink, TileLight};
 use super::wave::{PathRecords, Start, TileContext, Wave};
-use crate::cpu::films::contributions::SampleId;
-use crate::cpu::films::layers::LayerRowFilm;
+use crate::cpu::films::layers::{LayerNeeds, LayerRowFilm};
 use crate::cpu::films::row_film::RowFilm;
 use lumbre_light::math::real::Mask;
 use lumbre_light::math::simd::{Lanes, SimdKernel, active_lanes, dispatch, map_array, padded};
@@ -34,48 +33,44 @@ pub(super) fn render_tile<T: CameraPaths>(
     film: &mut RowFilm,
     layers: Option<&mut LayerRowFilm>,
 ) {
-    trace_tile::<T>(tile, buffers, layers.is_some(), |_, _| ());
-    let TileContext { context, job, .. } = *tile;
-    let sampler = |(x, sample): SampleId| job.sampler.start(tile.seed, [x, tile.y], sample);
-    let ids = (tile.ids, tile.y);
-    buffers
-        .light
-        .add_to_film(context, ids, film, layers, sampler);
+    let needs = layers.as_ref().map(|layers| layers.needs());
+    trace_tile::<T>(tile, buffers, needs.unwrap_or_default(), |_, _| ());
+    buffers.light.add_to_film(tile, film, layers);
 }
 
 /// Traces the paths of a tile and records them.
 pub(super) fn record_tile<T: CameraPaths>(tile: &TileContext) -> RecordedPaths {
     let (mut buffers, mut vertices) = (PathTile::default(), Vec::new());
-    trace_tile::<T>(tile, &mut buffers, true, |edge, wave| {
+    trace_tile::<T>(tile, &mut buffers, LayerNeeds::LIGHT, |edge, wave| {
         for path in &wave.next {
             let state = wave.paths.state(*path);
             vertices.push(LeftVertex::new(*path, edge, &state));
         }
     });
     let mut records = RecordedPaths::with_vertices(vertices);
-    buffers.light.record((tile.ids, tile.y), &mut records);
+    buffers.light.record(tile, &mut records);
     records
 }
 
-/// Traces the paths of a tile; with `has_layers` light is kept as layers need it. `leaves` is called
+/// Traces the paths of a tile and keeps what layers need. `leaves` is called
 /// after each step with the number of its edges and the wave, whose next paths are on the edges that
 /// leave the vertices.
 fn trace_tile<T: CameraPaths>(
     tile: &TileContext,
     buffers: &mut PathTile,
-    has_layers: bool,
+    needs: LayerNeeds,
     mut leaves: impl FnMut(u32, &Wave),
 ) {
     let TileContext { width, context, .. } = *tile;
     let count = tile.ids.len();
-    buffers.light.reset(count, has_layers);
+    buffers.light.reset(count, needs);
     buffers.wave.start(tile, Start::Camera);
     for edge in 1..=context.max_depth {
         if buffers.wave.active.is_empty() {
             return;
         }
         let PathTile { wave, light } = buffers;
-        wave.trace(context, light);
+        wave.trace(tile, light);
         wave.sort_hits(tile, |hit| context.ends_unlit(edge, hit));
         let mut escaped = take(&mut wave.escaped);
         let step = Step { tile, edge };

@@ -4,8 +4,10 @@ use std::mem::take;
 
 use glam::Vec3;
 
-use crate::cpu::films::contributions::{SampleId, TimedContributions};
-use crate::cpu::films::layers::LayerRowFilm;
+use super::wave::TileContext;
+use crate::cpu::films::contributions::{PathOrder, TimedContributions};
+use crate::cpu::films::first_hits::FirstHits;
+use crate::cpu::films::layers::{LayerNeeds, LayerRowFilm};
 use crate::cpu::films::row_film::RowFilm;
 use lumbre_light::math::real::{Double, Mask, Vector};
 use lumbre_light::math::simd::{F32x8, Lanes, active_lanes};
@@ -13,8 +15,7 @@ use lumbre_light::transport::contribution::Contribution;
 use lumbre_light::transport::integrator::Context;
 use lumbre_light::transport::integrator::camera_path::{PathLight, PathSink, ShadowRay, needs_ray};
 use lumbre_light::transport::integrator::iteration::recorded::RecordedPaths;
-use lumbre_light::transport::ray::Ray;
-use lumbre_light::transport::sampler::Sampler;
+use lumbre_light::transport::ray::{Hit, Ray};
 use lumbre_light::transport::time_settings::Timing;
 
 /// Fields of a [`Contribution`] that only layers need.
@@ -44,40 +45,50 @@ pub(super) struct TileLight {
     pending: Vec<Pending>,
     /// Positions of the pending contributions on the time axis; empty without one.
     pending_positions: Vec<f64>,
-    /// Details of the pending contributions; empty without layers.
+    /// Details of the pending contributions; empty unless layers need them.
     pending_details: Vec<Details>,
     /// Individual contributions that `values` is the sum of; used only with a time axis.
     timed: TimedContributions,
-    /// Individual contributions with their paths; used only with layers.
+    /// Individual contributions with their paths; empty unless layers need them.
     layered: Vec<(u32, Vec3, Details)>,
-    /// Number of rays of each path; used only with layers.
+    order: PathOrder,
+    /// Number of rays of each path; empty unless layers need it.
     rays: Vec<u32>,
-    /// Whether the run has layers.
-    has_layers: bool,
+    /// Surfaces that the camera rays hit; empty unless layers need them.
+    first_hits: FirstHits,
+    needs: LayerNeeds,
     shadow_rays: Vec<(Ray, f32)>,
     occluded: Vec<bool>,
 }
 
 impl TileLight {
     /// Removes all light, for a tile of that many paths.
-    pub fn reset(&mut self, paths: usize, has_layers: bool) {
+    pub fn reset(&mut self, paths: usize, needs: LayerNeeds) {
         self.values.clear();
         self.values.resize(paths, Vec3::ZERO);
         self.timed.clear();
         self.layered.clear();
         self.rays.clear();
-        self.rays.resize(if has_layers { paths } else { 0 }, 0);
-        self.has_layers = has_layers;
+        self.rays.resize(if needs.rays { paths } else { 0 }, 0);
+        self.first_hits.clear();
+        self.needs = needs;
     }
 
-    /// Returns whether the run has layers.
-    pub fn has_layers(&self) -> bool {
-        self.has_layers
+    /// Returns the facts that layers need.
+    pub fn needs(&self) -> LayerNeeds {
+        self.needs
+    }
+
+    /// Finds the surfaces that the camera rays of all paths hit, if a layer needs them.
+    pub fn find_surfaces(&mut self, tile: &TileContext, rays: &[(Ray, f32)], hits: &[Option<Hit>]) {
+        if self.needs.surfaces {
+            self.first_hits.find(tile.width, tile.context, rays, hits);
+        }
     }
 
     /// Counts one ray for each of the given paths, if a layer needs it.
     pub fn count_rays(&mut self, paths: &[u32]) {
-        if self.has_layers {
+        if self.needs.rays {
             paths.iter().for_each(|path| self.rays[*path as usize] += 1);
         }
     }
@@ -115,7 +126,7 @@ impl TileLight {
         let mut results = occluded.iter();
         for (i, light) in pending.iter().enumerate() {
             let traced = needs_ray(light.distance);
-            if traced && self.has_layers {
+            if traced && self.needs.rays {
                 self.rays[light.path as usize] += 1;
             }
             if !traced || results.next() == Some(&false) {
@@ -132,33 +143,34 @@ impl TileLight {
         self.pending_details.clear();
     }
 
-    /// Adds the samples of a tile of row `y` to their own pixels, and to those of layers. `sampler`
-    /// starts the numbers of a sample anew.
+    /// Adds the samples of a tile to their own pixels, and to those of layers.
     pub fn add_to_film(
         &mut self,
-        context: &Context,
-        (ids, y): (&[SampleId], u32),
+        tile: &TileContext,
         film: &mut RowFilm,
         layers: Option<&mut LayerRowFilm>,
-        sampler: impl Fn(SampleId) -> Sampler,
     ) {
-        let timed = context.timing.map(|_| {
+        let TileContext { ids, y, .. } = *tile;
+        let timed = tile.context.timing.map(|_| {
             self.timed.sort(ids.len());
             &mut self.timed
         });
         film.add_batch(ids, &self.values, timed);
         let Some(layers) = layers else { return };
-        self.layered.sort_by_key(|(path, ..)| *path);
-        let mut layered = self.layered.iter().peekable();
+        let order = self
+            .order
+            .sort(ids.len(), self.layered.iter().map(|(path, ..)| *path));
+        let mut layered = order.iter().map(|i| &self.layered[*i as usize]).peekable();
         for (path, id) in ids.iter().enumerate() {
             let pixel = [id.0, y];
             let mut invalid = 0;
             while let Some((_, value, details)) = layered.next_if(|(p, ..)| *p == path as u32) {
                 invalid += layers.add(&contribution(pixel, *value, details));
             }
-            let (finite, rays) = (self.values[path].is_finite(), u64::from(self.rays[path]));
-            let sample = (pixel, id.1);
-            invalid += layers.finish_sample(context, sample, finite, rays, || sampler(*id));
+            let rays = self.rays.get(path).copied().unwrap_or(0);
+            let hit = self.first_hits.of_path(path);
+            let finite = self.values[path].is_finite();
+            invalid += layers.finish_sample(*id, finite, u64::from(rays), hit);
             film.record_invalid(id.0, id.1, invalid);
         }
     }
@@ -167,9 +179,12 @@ impl TileLight {
 impl TileLight {
     /// Appends the light and the numbers of rays of the paths of a row's pixels to records. They must
     /// have been found as for layers.
-    pub fn record(&mut self, (ids, y): (&[SampleId], u32), records: &mut RecordedPaths) {
-        self.layered.sort_by_key(|(path, ..)| *path);
-        let mut layered = self.layered.iter().peekable();
+    pub fn record(&mut self, tile: &TileContext, records: &mut RecordedPaths) {
+        let TileContext { ids, y, .. } = *tile;
+        let order = self
+            .order
+            .sort(ids.len(), self.layered.iter().map(|(path, ..)| *path));
+        let mut layered = order.iter().map(|i| &self.layered[*i as usize]).peekable();
         for (path, id) in ids.iter().enumerate() {
             let own = std::iter::from_fn(|| {
                 let (_, value, details) = layered.next_if(|(p, ..)| *p == path as u32)?;
@@ -238,7 +253,7 @@ struct Stored<const N: usize> {
 
 impl<const N: usize> Stored<N> {
     #[inline(always)]
-    fn new<R: Lanes<N>>(context: &Context, has_layers: bool, light: &PathLight<R>) -> Stored<N> {
+    fn new<R: Lanes<N>>(context: &Context, detailed: bool, light: &PathLight<R>) -> Stored<N> {
         let store = |v: R::Vec3| [v.x().store(), v.y().store(), v.z().store()];
         Stored {
             values: store(light.value()),
@@ -248,14 +263,14 @@ impl<const N: usize> Stored<N> {
                     R::store_doubles(timing.axis.bin_positions(light.length, R::Double::splat))
                 }
             },
-            unweighted: if has_layers {
+            unweighted: if detailed {
                 store(light.unweighted)
             } else {
                 [[0.0; N]; 3]
             },
             s: light.s,
             t: light.t,
-            lengths: if has_layers && context.timing.is_some() {
+            lengths: if detailed && context.timing.is_some() {
                 R::store_doubles(light.length)
             } else {
                 [0.0; N]
@@ -284,14 +299,14 @@ impl<const N: usize> Stored<N> {
 impl<R: Lanes<N>, const N: usize> PathSink<R> for LaneSink<'_, N> {
     #[inline(always)]
     fn add(&mut self, lanes: R::Mask, light: &PathLight<R>) {
-        let has_layers = self.light.has_layers;
-        let stored = Stored::new::<R>(self.context, has_layers, light);
+        let detailed = self.light.needs.contributions;
+        let stored = Stored::new::<R>(self.context, detailed, light);
         for i in active_lanes(lanes.bits()) {
             let timing = self
                 .context
                 .timing
                 .map(|timing| (timing, stored.positions[i]));
-            let details = has_layers.then(|| stored.details(i));
+            let details = detailed.then(|| stored.details(i));
             let path = self.paths[i] as u32;
             self.light.add(timing, path, stored.value(i), details);
         }
@@ -299,7 +314,8 @@ impl<R: Lanes<N>, const N: usize> PathSink<R> for LaneSink<'_, N> {
 
     #[inline(always)]
     fn add_unless_occluded(&mut self, lanes: R::Mask, ray: &ShadowRay<R>, light: &PathLight<R>) {
-        let stored = Stored::new::<R>(self.context, self.light.has_layers, light);
+        let detailed = self.light.needs.contributions;
+        let stored = Stored::new::<R>(self.context, detailed, light);
         let rows = store_rays(ray);
         for i in active_lanes(lanes.bits()) {
             let (ray, distance) = stored_ray(&rows[i]);
@@ -312,7 +328,7 @@ impl<R: Lanes<N>, const N: usize> PathSink<R> for LaneSink<'_, N> {
             if self.context.timing.is_some() {
                 self.light.pending_positions.push(stored.positions[i]);
             }
-            if self.light.has_layers {
+            if detailed {
                 self.light.pending_details.push(stored.details(i));
             }
         }

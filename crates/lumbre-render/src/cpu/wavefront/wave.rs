@@ -1,7 +1,7 @@
 //! Paths of a tile that advance together: their records, their rays, and the lists of those that
 //! hit surfaces of each class.
 
-use std::mem::swap;
+use std::mem::{swap, take};
 
 use super::light::TileLight;
 use crate::Job;
@@ -55,6 +55,8 @@ pub(super) struct Wave {
     pub by_class: Vec<Vec<u32>>,
     rays: Vec<(Ray, f32)>,
     traced: Vec<Option<Hit>>,
+    /// Whether the next edges are those that leave the camera.
+    leaves_camera: bool,
 }
 
 /// Records of all paths of a tile.
@@ -75,14 +77,15 @@ impl Wave {
         let count = tile.ids.len();
         let paths = &mut self.paths;
         dispatch(tile.width, StartKernel { tile, start, paths });
+        self.leaves_camera = start == Start::Camera;
         self.active.clear();
         self.active.extend(0..count as u32);
         self.by_class
             .resize_with(tile.context.classes.count(), Vec::new);
     }
 
-    /// Traces the edges of the active paths.
-    pub fn trace(&mut self, context: &Context, light: &mut TileLight) {
+    /// Traces the edges of the active paths. All are active on the edges that leave the camera.
+    pub fn trace(&mut self, tile: &TileContext, light: &mut TileLight) {
         let ray = |path: &u32| {
             let state = self.paths.state(*path);
             let ray = Ray {
@@ -94,8 +97,12 @@ impl Wave {
         self.rays.clear();
         self.rays.extend(self.active.iter().map(ray));
         self.traced.clear();
-        context.trace.closest_each(&self.rays, &mut self.traced);
+        let trace = tile.context.trace;
+        trace.closest_each(&self.rays, &mut self.traced);
         light.count_rays(&self.active);
+        if take(&mut self.leaves_camera) {
+            light.find_surfaces(tile, &self.rays, &self.traced);
+        }
     }
 
     /// Stores the hits of the active paths and lists these by class of surface; those that

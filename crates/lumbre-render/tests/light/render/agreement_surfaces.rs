@@ -217,9 +217,7 @@ fn coarse_ball(
         }
     }
     let mut scene = Arc::unwrap_or_clone(builder.build());
-    for (attributes, normals) in scene.attributes[first..].iter_mut().zip(normals) {
-        attributes.normals = normals;
-    }
+    scene.normals.make_smooth()[first..].copy_from_slice(&normals);
     Arc::new(scene)
 }
 

@@ -169,6 +169,8 @@ fn pictures_have_the_same_bits_with_every_builder() {
             own.attributes.iter_mut().for_each(|a| a.material = first);
             s.triangles.extend(own.triangles);
             s.attributes.extend(own.attributes);
+            (0..own.normals.len() as u32).for_each(|i| s.normals.push(own.normals.at(i)));
+            s.uvs.extend(own.uvs);
         })
         .build();
     let with = |spec: AccelSpec| {

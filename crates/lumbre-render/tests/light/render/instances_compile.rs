@@ -37,6 +37,7 @@ fn ten_thousand_instances_take_less_than_ten_times_the_memory_of_one() {
         let accel = Accel::build(Arc::clone(&scene)).unwrap();
         let of = size_of_val(scene.triangles.as_slice())
             + size_of_val(scene.attributes.as_slice())
+            + scene.normals.bytes()
             + size_of_val(scene.instances.placements.as_slice())
             + size_of_val(scene.instances.materials.as_slice());
         (of + accel.bytes(), scene.flattened_count())

@@ -251,8 +251,8 @@ fn share_triangles(s: &mut CompiledScene) {
         let u = uniform(i as u32, k);
         Vec3::new(u[0], u[1], u[2])
     };
-    for (i, a) in s.attributes.iter_mut().enumerate() {
-        for (k, n) in a.normals.iter_mut().enumerate() {
+    for (i, normals) in s.normals.make_smooth().iter_mut().enumerate() {
+        for (k, n) in normals.iter_mut().enumerate() {
             *n = (*n + 0.6 * (random(i, 50 + k as u32) - 0.5)).normalize_or(*n);
         }
     }
@@ -268,6 +268,8 @@ fn share_triangles(s: &mut CompiledScene) {
     s.tangents[2] = [Vec4::ZERO; 3];
     s.triangles.extend_from_within(..);
     s.attributes.extend_from_within(..);
+    s.normals.make_smooth().extend_from_within(..);
+    s.uvs.extend_from_within(..);
     s.colors.extend_from_within(..);
     s.second_uvs.extend_from_within(..);
     s.tangents.extend_from_within(..);

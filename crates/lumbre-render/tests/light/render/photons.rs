@@ -33,9 +33,7 @@ fn photons_count_by_the_cosine_with_the_shading_normal() {
             )
             .directional(-wi, Vec3::splat(irradiance))
             .with(|scene| {
-                let all = &mut scene.attributes;
-                all.iter_mut()
-                    .for_each(|triangle| triangle.normals = [tilted(deg); 3]);
+                scene.normals.make_smooth().fill([tilted(deg); 3]);
             })
             .build();
         let cos = wi.dot(tilted(deg));

@@ -560,9 +560,8 @@ fn degenerate_normals_tangents_and_coordinates_give_no_invalid_samples() {
                 Vec2::splat(f32::INFINITY),
                 Vec2::splat(1e30),
             ] {
-                for i in 0..2 {
-                    (scene.attributes[i].normals, scene.attributes[i].uvs) = (normals, [uv; 3]);
-                }
+                scene.normals.make_smooth()[..2].fill(normals);
+                scene.uvs[..2].fill([uv; 3]);
                 scene.tangents = vec![[tangent; 3]; scene.triangles.len()];
                 for name in ["bpt", "nee", "bdpt"] {
                     picture(&Arc::new(scene.clone()), name, 0, 2);

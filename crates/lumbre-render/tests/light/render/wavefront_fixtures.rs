@@ -284,9 +284,9 @@ pub fn room(material: Material) -> SceneBuilder {
             material,
         )
         .with(|s| {
-            for (i, n) in s.attributes[FLOOR]
+            for (i, n) in s.normals.make_smooth()[FLOOR]
+                .as_flattened_mut()
                 .iter_mut()
-                .flat_map(|a| &mut a.normals)
                 .enumerate()
             {
                 let bend = Vec3::new(0.3 * (i as f32 - 2.5), 0.0, 0.2 * (i as f32 % 3.0 - 1.0));

@@ -85,7 +85,7 @@ fn mirrored_and_rotated_meshes_keep_their_front_and_normals() {
             "{transform:?}: {}",
             front(&c, 0)
         );
-        for n in c.attributes[0].normals {
+        for n in c.normals.at(0) {
             assert!((n - expected).length() < 1e-6, "{transform:?}: normal {n}");
         }
     }
@@ -136,7 +136,7 @@ fn normals_follow_the_inverse_transpose() {
     };
     let (c, _) = compile(&scene(vec![(ShapeDesc::Mesh(slope), transform)], light())).unwrap();
     let expected = Vec3::new(0.25, 0.0, 1.0).normalize_or(Vec3::Z);
-    assert!((c.attributes[0].normals[0] - expected).length() < 1e-6);
+    assert!((c.normals.at(0)[0] - expected).length() < 1e-6);
     assert!((front(&c, 0) - expected).length() < 1e-6);
 }
 
@@ -153,7 +153,7 @@ fn corner_normals_never_point_behind_the_triangle() {
         light(),
     ))
     .unwrap();
-    let n = c.attributes[0].normals[2];
+    let n = c.normals.at(0)[2];
     assert!(
         n.z > 0.0 && n.x > 0.9 && (n.length() - 1.0).abs() < 1e-6,
         "{n}"
@@ -168,7 +168,7 @@ fn corner_normals_never_point_behind_the_triangle() {
         light(),
     ))
     .unwrap();
-    assert_eq!(c.attributes[0].normals, [Vec3::Z; 3]);
+    assert_eq!(c.normals.at(0), [Vec3::Z; 3]);
 }
 
 #[test]

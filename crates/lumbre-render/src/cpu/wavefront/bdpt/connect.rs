@@ -167,7 +167,7 @@ fn count_rays(
     own: &OwnContributions,
     light: &mut TileLight,
 ) {
-    if !light.has_layers() {
+    if !light.needs().rays {
         return;
     }
     for ((_, distance), queued) in rays.iter().zip(contributions) {

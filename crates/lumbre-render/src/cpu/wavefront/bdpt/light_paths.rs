@@ -4,6 +4,7 @@ use super::vertices::Vertices;
 use super::walk::{SubpathRecords, Walk};
 use crate::Job;
 use crate::cpu::films::contributions::SampleId;
+use crate::cpu::films::layers::LayerNeeds;
 use crate::cpu::wavefront::light::TileLight;
 use crate::cpu::wavefront::wave::{Start, TileContext, Wave};
 use lumbre_light::math::simd::Width;
@@ -66,7 +67,7 @@ fn trace_tile(
         light,
     } = buffers;
     let count = tile.ids.len();
-    light.reset(count, false);
+    light.reset(count, LayerNeeds::default());
     vertices.reset(tile.context, count);
     wave.start(tile, Start::Nowhere);
     let mut walk = Walk {

@@ -162,7 +162,7 @@ impl<'a, 's, 'f, D: SubpathDirections> Lister<'a, 's, 'f, D> {
         Lister {
             columns: Columns {
                 timed: context.timing.is_some(),
-                layered: light.has_layers(),
+                layered: light.needs().contributions,
             },
             lists,
             connecting,

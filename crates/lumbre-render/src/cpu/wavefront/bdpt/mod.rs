@@ -26,7 +26,6 @@ mod walk;
 use self::splats::SplatSink;
 use super::light::TileLight;
 use super::wave::{Start, TileContext, Wave};
-use crate::cpu::films::contributions::SampleId;
 use crate::cpu::films::layers::LayerRowFilm;
 use crate::cpu::films::row_film::RowFilm;
 use connect::Connecting;
@@ -70,7 +69,8 @@ pub(super) fn render_tile(
     } = buffers;
     let context = tile.context;
     let count = tile.ids.len();
-    light.reset(count, layers.is_some());
+    let needs = layers.as_ref().map(|layers| layers.needs());
+    light.reset(count, needs.unwrap_or_default());
     wave.start(tile, Start::Camera);
     vertices.reset(context, count);
     let mut walk = walk::Walk {
@@ -104,7 +104,5 @@ pub(super) fn render_tile(
         layers: layers.as_deref(),
     };
     Lister::new(lists, connecting, light, splats).list_all(paths);
-    let job = tile.job;
-    let sampler = |(x, sample): SampleId| job.sampler.start(tile.seed, [x, tile.y], sample);
-    light.add_to_film(context, (tile.ids, tile.y), film, layers, sampler);
+    light.add_to_film(tile, film, layers);
 }

@@ -120,7 +120,8 @@ impl OwnContributions {
     pub fn add_to(&mut self, context: &Context, light: &mut TileLight) {
         for (i, (path, value)) in self.values.drain(..).enumerate() {
             let details = self.details.get(i).copied();
-            if value == Vec3::ZERO && details.is_none() {
+            let unweighted = details.map_or(Vec3::ZERO, |details| details.unweighted);
+            if value == Vec3::ZERO && unweighted == Vec3::ZERO {
                 continue;
             }
             let timing = context.timing.map(|timing| {

@@ -147,7 +147,7 @@ impl<D: SubpathDirections> Walk<'_, D> {
                 return;
             }
             vertices.push_edge(mode);
-            self.wave.trace(context, self.light);
+            self.wave.trace(tile, self.light);
             self.wave
                 .sort_hits(tile, |hit| from_camera && context.ends_unlit(edge, hit));
             let step = Step {

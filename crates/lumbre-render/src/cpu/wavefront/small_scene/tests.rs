@@ -8,7 +8,7 @@ use super::*;
 use crate::cpu::bvh::simd::Isa;
 use crate::hierarchy::AccelSpec;
 use lumbre_light::math::rng::{pcg4d, unit};
-use lumbre_light::scene::compile::{MaskMode, Sphere, TriangleAttributes};
+use lumbre_light::scene::compile::{MaskMode, Normals, Sphere, TriangleAttributes};
 use lumbre_light::scene::desc::{
     Lookup, MaterialDesc, SceneDesc, Texels, TextureDesc, TextureSlot, texture_hash,
 };
@@ -116,12 +116,14 @@ fn compare(width: Width, materials: &CompiledScene) {
             _ => (next() * 3.0) as u32,
         };
         let attributes = triangles.iter().map(|_| TriangleAttributes {
-            normals: [Vec3::Z; 3],
-            uvs: [Vec2::ZERO, Vec2::X, Vec2::new(0.4, 1.3)],
             material: material(),
             emitter: NONE,
         });
         let attributes = attributes.collect();
+        let uvs = [Vec2::ZERO, Vec2::X, Vec2::new(0.4, 1.3)];
+        let uvs = vec![uvs; triangles.len()];
+        let mut normals = Normals::default();
+        triangles.iter().for_each(|_| normals.push([Vec3::Z; 3]));
         let radii = [0.5, 1.0, 0.7, 1.4];
         let spheres = [0, 1, 2, 3].map(|i| Sphere {
             center: centers[i],
@@ -132,6 +134,8 @@ fn compare(width: Width, materials: &CompiledScene) {
         let scene = CompiledScene {
             triangles,
             attributes,
+            normals,
+            uvs,
             spheres: spheres.into(),
             ..materials.clone()
         };
