@@ -35,5 +35,6 @@ x:render(function(p)
   }
 end)
 x:measure { every = "5s", display = tonemap.gamma { gamma = 2.2, exposure = 1 } }
+x:report { display = tonemap.gamma { gamma = 2.2, exposure = 1 } }
 x:stop(function(p) return stop.time(p.quick and 0.5 or 5) end)
 return x
