@@ -19,6 +19,7 @@ mod page;
 mod pages;
 mod random;
 mod release;
+mod replicate;
 mod shaders;
 mod spirv;
 #[cfg(unix)]
@@ -56,6 +57,8 @@ enum Chore {
     Pages(pages::Args),
     /// Pack the program, its manual page, completions and licences into an archive with a checksum
     Release(release::Args),
+    /// Run the scripts of the theses, test their claims, and write the page about it
+    Replicate(replicate::Args),
     /// Compile the shaders to the SPIR-V that is committed; needs `glslangValidator`
     Shaders(shaders::Args),
     /// Measure the memory that verbs take for the worst files of every format
@@ -78,6 +81,7 @@ fn main() -> ExitCode {
         Chore::Inlining => inlining::run(),
         Chore::Pages(args) => pages::run(&args),
         Chore::Release(args) => release::run(&args),
+        Chore::Replicate(args) => replicate::run(&args),
         Chore::Shaders(args) => shaders::run(&args),
         #[cfg(unix)]
         Chore::Memory(args) => torture::memory::run(&args),
@@ -99,7 +103,6 @@ fn root() -> PathBuf {
 }
 
 /// Returns whether a name contains one of the texts of `--only`; without any, all names count.
-#[cfg(unix)]
 fn is_chosen(only: &[String], name: &str) -> bool {
     only.is_empty() || only.iter().any(|text| name.contains(text.as_str()))
 }

@@ -25,7 +25,7 @@ pub mod picture;
 pub mod plot;
 pub mod png;
 pub mod provenance;
-mod quantity;
+pub mod quantity;
 pub mod repeats;
 pub mod report;
 pub mod summary;
