@@ -9,7 +9,7 @@ use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::Duration;
 
 use lumbre::cli::bench::subject::Subject;
@@ -305,12 +305,16 @@ impl Mitsuba {
         let (Some(requests), Some(replies)) = (process.stdin.take(), process.stdout.take()) else {
             return Err("no pipes to Mitsuba".to_owned());
         };
-        let (lines, received) = channel();
-        std::thread::spawn(move || {
-            let all = BufReader::new(replies).lines().map_while(Result::ok);
-            all.take_while(|line| lines.send(line.clone()).is_ok())
-                .count()
+        // Each request has one reply.
+        let (lines, received) = sync_channel(1);
+        let reader = std::thread::Builder::new().name("replies".to_owned());
+        let reader = reader.spawn(move || {
+            let mut all = BufReader::new(replies).lines().map_while(Result::ok);
+            while let Some(line) = all.next()
+                && lines.send(line).is_ok()
+            {}
         });
+        reader.map_err(|e| format!("cannot start a thread: {e}"))?;
         let mitsuba = Mitsuba {
             process,
             requests,
