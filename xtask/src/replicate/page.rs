@@ -90,6 +90,15 @@ fn head(nights: &[Night], out: &Path, quick: bool) -> String {
     let folders = nights.iter().map(|night| night.folder.as_path());
     let folders = folders.filter(|folder| !folder.as_os_str().is_empty());
     let size: u64 = folders.chain([out.join("refs").as_path()]).map(bytes).sum();
+    let unfinished = nights.iter().filter_map(|night| {
+        let (ended, all) = (night.ended(), night.all().count());
+        (ended < all).then(|| format!("{} ({ended} of {all} runs)", night.plan.name))
+    });
+    let unfinished: Vec<String> = unfinished.collect();
+    let unfinished = match &unfinished[..] {
+        [] => "none".to_owned(),
+        some => some.join(", "),
+    };
     let (form, option) = match quick {
         true => (
             "quick (small pictures and short times, to be read as a trend)",
@@ -112,6 +121,7 @@ fn head(nights: &[Night], out: &Path, quick: bool) -> String {
          - Form: {form}.\n\
          - Command: `cargo xtask replicate{option}`.\n\
          - Machine: {machines}.\n\
+         - Nights that are not finished: {unfinished}.\n\
          - Newest run: {date}. Render time of the runs: {}, without references. Disk: {:.1} GB.\n\
          - The full form, `cargo xtask replicate`, takes {FULL_FORM}.\n",
         duration(seconds),
