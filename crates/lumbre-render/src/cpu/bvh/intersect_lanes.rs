@@ -1,8 +1,9 @@
-//! Watertight triangle test of one ray per lane; the vectorised counterpart of
+//! One ray per lane: loading, and the watertight triangle test; the vectorised counterpart of
 //! [`intersect::triangle`](super::intersect::triangle), with the same bits.
 
 use lumbre_light::math::real::{Mask, Real};
-use lumbre_light::math::simd::{Lanes, active_lanes};
+use lumbre_light::math::simd::{F32x8, Lanes, active_lanes};
+use lumbre_light::transport::ray::Ray;
 
 /// Candidate hit in each lane; `t` is infinite without one. The barycentric weights are `v /
 /// divisor` and `w / divisor`. They are divided only for the nearest hit, since few candidates
@@ -82,4 +83,18 @@ fn recompute_in_f64<const N: usize>(
         };
         (edges[0][lane], edges[1][lane], edges[2][lane]) = (edge(c, b), edge(a, c), edge(b, a));
     }
+}
+
+/// Loads up to one ray per lane: the components of the origins, of the directions, and the greatest
+/// distances. Lanes without a ray are zero.
+#[inline(always)]
+pub(in crate::cpu) fn load_rays<R: Lanes<N>, const N: usize>(
+    rays: &[(Ray, f32)],
+) -> ([R; 3], [R; 3], R) {
+    let mut rows = [F32x8::default(); N];
+    for (row, (Ray { origin: o, dir: d }, t_max)) in rows.iter_mut().zip(rays) {
+        *row = F32x8([o.x, o.y, o.z, d.x, d.y, d.z, *t_max, 0.0]);
+    }
+    let [ox, oy, oz, dx, dy, dz, t_max, _] = R::transpose_load(rows.each_ref());
+    ([ox, oy, oz], [dx, dy, dz], t_max)
 }

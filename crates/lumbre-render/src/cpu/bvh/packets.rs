@@ -11,12 +11,12 @@
 
 use super::accel::{Accel, STACK};
 use super::bvh8::{Block, LEAF, Node};
-use super::intersect_lanes::intersect_sheared;
+use super::intersect_lanes::{intersect_sheared, load_rays};
 use super::simd::{Avx2, Isa, LANES, Simd8};
 use super::slabs::{OFFSET_ERROR, SLAB_SLACK};
 use super::traverse::LIMIT_SLACK;
 use lumbre_light::math::real::{Mask, Real};
-use lumbre_light::math::simd::{F32x8, Lanes, SimdKernel, Width, active_lanes, dispatch};
+use lumbre_light::math::simd::{Lanes, SimdKernel, Width, active_lanes, dispatch};
 use lumbre_light::scene::compile::NONE;
 use lumbre_light::transport::ray::{Hit, Ray};
 
@@ -203,13 +203,9 @@ impl<'a, const N: usize> Packet<'a, N> {
         if N == 1 || rays.len() != N {
             return None;
         }
-        let mut rows = [F32x8::default(); N];
-        for (row, (Ray { origin: o, dir: d }, t_max)) in rows.iter_mut().zip(rays) {
-            *row = F32x8([o.x, o.y, o.z, d.x, d.y, d.z, *t_max, 0.0]);
-        }
-        let [ox, oy, oz, dx, dy, dz, t_max, _] = R::transpose_load(rows.each_ref());
-        let (origin, dir) = ([ox, oy, oz], [dx, dy, dz]);
+        let (origin, dir, t_max) = load_rays::<R, N>(rays);
         let all = R::Mask::splat(true);
+        let ([ox, oy, oz], [dx, dy, dz]) = (origin, dir);
         let sum = ox + oy + oz + dx + dy + dz;
         let mut usable = sum.is_finite() & t_max.gt(R::splat(0.0));
         let mut first = [0; 3];

@@ -3,13 +3,14 @@
 
 use glam::Vec3;
 
+use crate::cpu::bvh::intersect_lanes::load_rays;
 use lumbre_light::film::layer::FirstHit;
 use lumbre_light::math::real::Vector;
 use lumbre_light::math::simd::{F32x8, Lanes, SimdKernel, Width, dispatch, map_array, padded};
 use lumbre_light::scene::CompiledScene;
-use lumbre_light::transport::arrival::HitState;
+use lumbre_light::transport::arrival::{Arrival, HitRecord, HitState, SurfaceClass};
 use lumbre_light::transport::integrator::Context;
-use lumbre_light::transport::ray::{Hit, Ray, RayHits};
+use lumbre_light::transport::ray::{Hit, Ray};
 use lumbre_light::transport::sampler::Sampler;
 use lumbre_light::transport::surface::{Surface, SurfaceTraits};
 
@@ -18,6 +19,8 @@ use lumbre_light::transport::surface::{Surface, SurfaceTraits};
 pub(crate) struct FirstHits {
     /// The surface of each path; `None` if it hits nothing.
     found: Vec<Option<FirstHit>>,
+    /// The hit of each path; of no meaning if it hits nothing.
+    hits: Vec<HitRecord>,
     /// Paths that hit surfaces of each class; empty between tiles.
     by_class: Vec<Vec<u32>>,
 }
@@ -38,11 +41,13 @@ impl FirstHits {
     ) {
         let (scene, classes) = (context.scene, context.classes);
         self.found.resize(rays.len(), None);
+        self.hits.resize(rays.len(), HitRecord::default());
         self.by_class.resize_with(classes.count(), Vec::new);
         for (path, hit) in hits.iter().enumerate() {
             if let Some(hit) = hit {
-                let class = classes.index_of(scene, &HitState::whole(scene, hit));
-                self.by_class[class].push(path as u32);
+                let hit = HitState::whole(scene, hit);
+                self.by_class[classes.index_of(scene, &hit)].push(path as u32);
+                [self.hits[path]] = HitRecord::store::<f32, 1>(hit);
             }
         }
         for (class, paths) in self.by_class.iter_mut().enumerate() {
@@ -50,10 +55,10 @@ impl FirstHits {
                 width,
                 Find {
                     scene,
-                    traits: readable(scene, classes[class].surface),
+                    class: &classes[class],
                     paths,
                     rays,
-                    hits,
+                    hits: &self.hits,
                     found: &mut self.found,
                 },
             );
@@ -77,11 +82,9 @@ pub(super) fn first_hit(
     let scene = context.scene;
     let ray = context.camera.sample_ray(pixel, sampler);
     let hit = context.trace.closest(&ray, f32::INFINITY)?;
-    let class = context
-        .classes
-        .index_of(scene, &HitState::whole(scene, &hit));
-    let traits = readable(scene, context.classes[class].surface);
-    let [found] = surfaces::<f32, 1>(scene, &traits, &RayHits::new(&ray, &hit));
+    let hit = HitState::whole(scene, &hit);
+    let class = &context.classes[context.classes.index_of(scene, &hit)];
+    let [found] = surfaces(scene, &Arrival::<f32, 1>::new(class, ray, &hit));
     Some(found)
 }
 
@@ -98,10 +101,10 @@ fn readable(scene: &CompiledScene, traits: SurfaceTraits) -> SurfaceTraits {
 /// Kernel that finds the surfaces of one class.
 struct Find<'a> {
     scene: &'a CompiledScene,
-    traits: SurfaceTraits,
+    class: &'a SurfaceClass,
     paths: &'a [u32],
     rays: &'a [(Ray, f32)],
-    hits: &'a [Option<Hit>],
+    hits: &'a [HitRecord],
     found: &'a mut [Option<FirstHit>],
 }
 
@@ -112,27 +115,14 @@ impl SimdKernel for Find<'_> {
     fn run<R: Lanes<N>, const N: usize>(self) {
         for group in self.paths.chunks(N) {
             let paths = map_array(padded::<u32, N>(group), |path| path as usize);
-            let (mut starts, mut ends) = ([F32x8::default(); N], [F32x8::default(); N]);
-            let (mut primitives, mut instances) = ([0; N], [0; N]);
-            for lane in 0..N {
-                let Ray { origin: o, dir: d } = self.rays[paths[lane]].0;
-                starts[lane] = F32x8([o.x, o.y, o.z, d.x, d.y, d.z, 0.0, 0.0]);
-                if let Some(hit) = &self.hits[paths[lane]] {
-                    ends[lane] = F32x8([hit.t, hit.uv[0], hit.uv[1], 0.0, 0.0, 0.0, 0.0, 0.0]);
-                    (primitives[lane], instances[lane]) = (hit.primitive, hit.instance);
-                }
-            }
-            let [ox, oy, oz, dx, dy, dz, ..] = R::transpose_load(starts.each_ref());
-            let [t, v, w, ..] = R::transpose_load(ends.each_ref());
-            let hits = RayHits {
-                origin: R::Vec3::new(ox, oy, oz),
-                dir: R::Vec3::new(dx, dy, dz),
-                t,
-                uv: [v, w],
-                primitives,
-                instances,
+            let (origin, dir, _) = load_rays::<R, N>(&map_array(paths, |i| self.rays[i]));
+            let ([x, y, z], [u, v, w]) = (origin, dir);
+            let ray = Ray {
+                origin: R::Vec3::new(x, y, z),
+                dir: R::Vec3::new(u, v, w),
             };
-            let found = surfaces::<R, N>(self.scene, &self.traits, &hits);
+            let hits = HitRecord::load::<R, N>(map_array(paths, |i| &self.hits[i]));
+            let found = surfaces(self.scene, &Arrival::new(self.class, ray, &hits));
             for (path, found) in paths.iter().zip(found).take(group.len()) {
                 self.found[*path] = Some(found);
             }
@@ -140,18 +130,15 @@ impl SimdKernel for Find<'_> {
     }
 }
 
-/// Returns the surfaces at hits, all with `traits`.
+/// Returns the surfaces at which rays arrive.
 #[inline(always)]
 fn surfaces<R: Lanes<N>, const N: usize>(
     scene: &CompiledScene,
-    traits: &SurfaceTraits,
-    hits: &RayHits<R, N>,
+    arrival: &Arrival<R, N>,
 ) -> [FirstHit; N] {
-    let mut materials = [0; N];
-    for (lane, material) in materials.iter_mut().enumerate() {
-        *material = scene.material_of(hits.primitives[lane], hits.instances[lane]);
-    }
-    let surface = Surface::at_hits(scene, traits, hits, materials);
+    let traits = readable(scene, arrival.class.surface);
+    let hits = &arrival.hits;
+    let surface = Surface::at_hits(scene, &traits, hits, arrival.materials);
     let albedo = surface.base_color(&scene.textures);
     let behind = surface.n_geometric.dot(hits.dir).gt(R::splat(0.0));
     let normal = R::Vec3::select(behind, -surface.n_shading, surface.n_shading);

@@ -46,6 +46,11 @@ impl LayerNeeds {
         rays: true,
         surfaces: false,
     };
+
+    /// Returns the facts that some layers need; none without layers.
+    pub fn of(layers: Option<&LayerRowFilm>) -> LayerNeeds {
+        layers.map_or_else(LayerNeeds::default, |layers| layers.spec.needs)
+    }
 }
 
 /// Layout of the films, and the splat sums; shared by all rows.
@@ -210,11 +215,6 @@ impl<'a> LayerRowFilm<'a> {
         }
     }
 
-    /// Returns the facts about each sample that the layers need.
-    pub(crate) fn needs(&self) -> LayerNeeds {
-        self.spec.needs
-    }
-
     /// Returns the surface that the camera ray of a sample hits, if a layer needs it; `sampler`
     /// creates its sampler anew.
     pub(crate) fn first_hit(
@@ -258,7 +258,7 @@ impl<'a> LayerRowFilm<'a> {
 
     /// Ends a sample of the pixel in column `x`. `accepted` is whether the main film accepted it,
     /// `rays` the number of rays that it traced, and `hit` the surface that its camera ray hits,
-    /// where layers [need](Self::needs) these. Returns the number of films whose value was not
+    /// where layers [need](LayerNeeds) these. Returns the number of films whose value was not
     /// finite and was dropped.
     pub(crate) fn finish_sample(
         &mut self,

@@ -33,8 +33,8 @@ pub(super) fn render_tile<T: CameraPaths>(
     film: &mut RowFilm,
     layers: Option<&mut LayerRowFilm>,
 ) {
-    let needs = layers.as_ref().map(|layers| layers.needs());
-    trace_tile::<T>(tile, buffers, needs.unwrap_or_default(), |_, _| ());
+    let needs = LayerNeeds::of(layers.as_deref());
+    trace_tile::<T>(tile, buffers, needs, |_, _| ());
     buffers.light.add_to_film(tile, film, layers);
 }
 

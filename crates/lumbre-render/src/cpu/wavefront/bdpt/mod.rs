@@ -26,7 +26,7 @@ mod walk;
 use self::splats::SplatSink;
 use super::light::TileLight;
 use super::wave::{Start, TileContext, Wave};
-use crate::cpu::films::layers::LayerRowFilm;
+use crate::cpu::films::layers::{LayerNeeds, LayerRowFilm};
 use crate::cpu::films::row_film::RowFilm;
 use connect::Connecting;
 use lists::{ConnectionLists, Lister};
@@ -69,8 +69,7 @@ pub(super) fn render_tile(
     } = buffers;
     let context = tile.context;
     let count = tile.ids.len();
-    let needs = layers.as_ref().map(|layers| layers.needs());
-    light.reset(count, needs.unwrap_or_default());
+    light.reset(count, LayerNeeds::of(layers.as_deref()));
     wave.start(tile, Start::Camera);
     vertices.reset(context, count);
     let mut walk = walk::Walk {

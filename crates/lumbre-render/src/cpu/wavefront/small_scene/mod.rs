@@ -22,9 +22,9 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::cpu::bvh::accel::Accel;
-use crate::cpu::bvh::intersect_lanes::intersect_sheared;
+use crate::cpu::bvh::intersect_lanes::{intersect_sheared, load_rays};
 use lumbre_light::math::real::{Mask, Vector};
-use lumbre_light::math::simd::{F32x8, Lanes, SimdKernel, Width, active_lanes, dispatch};
+use lumbre_light::math::simd::{Lanes, SimdKernel, Width, active_lanes, dispatch};
 use lumbre_light::scene::CompiledScene;
 use lumbre_light::scene::compile::NONE;
 use lumbre_light::transport::ray::{Hit, Ray};
@@ -129,11 +129,7 @@ impl SmallScene {
         group: &[(Ray, f32)],
         sheared: &mut [[R; 3]],
     ) -> NearestHits<R> {
-        let mut rows = [F32x8::default(); N];
-        for (row, (Ray { origin: o, dir: d }, t_max)) in rows.iter_mut().zip(group) {
-            *row = F32x8([o.x, o.y, o.z, d.x, d.y, d.z, *t_max, 0.0]);
-        }
-        let [x, y, z, u, v, w, t_max, _] = R::transpose_load(rows.each_ref());
+        let ([x, y, z], [u, v, w], t_max) = load_rays::<R, N>(group);
         let (origin, dir) = (R::Vec3::new(x, y, z), R::Vec3::new(u, v, w));
         // A ray with a non-finite component hits nothing.
         let usable = (origin + dir).element_sum().is_finite() & t_max.gt(R::splat(0.0));
