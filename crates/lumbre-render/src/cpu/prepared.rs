@@ -49,7 +49,7 @@ impl PreparedJob {
             ),
             lights: scene.lights(LightSampling::new(job.integrator, &job.settings.params)),
             classes: Arc::clone(&scene.classes),
-            settings: Settings::new(&job.settings.params),
+            settings: Settings::of(job.integrator.name, &job.settings.params),
             wavefront: Wavefront::new(&job, &scene.accel),
             job,
             iterations: None,

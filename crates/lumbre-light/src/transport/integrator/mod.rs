@@ -11,6 +11,7 @@ pub mod guided;
 pub mod iteration;
 pub mod lvc;
 pub mod nee;
+pub mod nee_sum;
 pub mod oracle;
 pub mod own;
 mod registry;

@@ -78,6 +78,7 @@ impl CameraPaths for Nee {
 #[inline(always)]
 fn hit_weight<R: Real>(context: &Context, path: &Path<R>, pdf_w: R) -> R {
     let weight = match context.settings.mis {
+        None if context.settings.all_hits => R::splat(1.0),
         None => R::splat(0.0),
         Some(h) => h.weight(path.state.last_pdf_w, pdf_w),
     };

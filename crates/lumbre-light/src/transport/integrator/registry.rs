@@ -5,7 +5,7 @@ use super::camera_path::CameraPaths;
 use super::guided::bidirectional;
 use super::own::{OWN, Registered, RegistrationError, is_valid_name};
 use super::row::IntegratorRow;
-use super::{bdpt, bpt, external, guided, lvc, nee, own, sppm, vcm};
+use super::{bdpt, bpt, external, guided, lvc, nee, nee_sum, own, sppm, vcm};
 
 /// A computation for any technique whose steps are generic over the width of vectors.
 pub trait TechniqueVisitor {
@@ -47,7 +47,7 @@ macro_rules! integrators {
 }
 
 integrators!(
-    camera paths: bpt::Bpt, nee::Nee, guided::Guided, sppm::Sppm;
+    camera paths: bpt::Bpt, nee::Nee, nee_sum::Nee, guided::Guided, sppm::Sppm;
     subpaths: bdpt::Bdpt, bidirectional::GuidedBdpt, vcm::Vcm, lvc::Lvc
 );
 

@@ -7,6 +7,9 @@ use crate::transport::mis::Heuristic;
 use crate::value::Value;
 use crate::value::schema::{AUTO, Field, Ty};
 
+/// Name of the integrator that counts hits and connections in full, whatever its parameters are.
+pub const ALL_HITS: &str = "nee_sum";
+
 /// The parameter `lights` of integrators that sample lights from the vertices of camera paths.
 pub const LIGHTS: Field = crate::field! {
     lights = "one": Ty::Word(&["one", "all"]),
@@ -117,6 +120,8 @@ pub fn has_uniform_directions(params: &BTreeMap<String, Value>) -> bool {
 pub struct Settings {
     /// Heuristic of the weights; `None` if strategies are not weighted by densities.
     pub mis: Option<Heuristic>,
+    /// Whether light that paths hit counts in full beside that of connections, as by [`ALL_HITS`].
+    pub all_hits: bool,
     /// Whether every light is sampled at every vertex.
     pub all_lights: bool,
     /// Whether paths continue in uniform directions instead of those of the BSDF.
@@ -149,7 +154,18 @@ impl Settings {
         self.photons.map_or(pixels, u64::from)
     }
 
-    /// Parses parameters that satisfy their schema.
+    /// Parses parameters of the integrator with this name that satisfy its schema.
+    pub fn of(integrator: &str, params: &BTreeMap<String, Value>) -> Settings {
+        let all_hits = integrator == ALL_HITS;
+        let settings = Settings::new(params);
+        Settings {
+            mis: settings.mis.filter(|_| !all_hits),
+            all_hits,
+            ..settings
+        }
+    }
+
+    /// Parses parameters that satisfy the schema of an integrator other than [`ALL_HITS`].
     pub fn new(params: &BTreeMap<String, Value>) -> Settings {
         let one = match params.get(STRATEGIES.key) {
             Some(Value::List(pair)) => {
@@ -161,6 +177,7 @@ impl Settings {
         let number = |field: Field| params.get(field.key).and_then(Value::as_f64);
         Settings {
             mis: Heuristic::from_params(params),
+            all_hits: false,
             all_lights: params.get(LIGHTS.key).and_then(Value::as_str) == Some("all"),
             uniform_directions: has_uniform_directions(params),
             one,
@@ -205,6 +222,7 @@ mod tests {
             plain,
             Settings {
                 mis: Some(Heuristic::Power),
+                all_hits: false,
                 all_lights: false,
                 uniform_directions: false,
                 one: None,
@@ -239,6 +257,7 @@ mod tests {
             one,
             Settings {
                 mis: None,
+                all_hits: false,
                 all_lights: true,
                 uniform_directions: true,
                 one: Some([2, 3]),

@@ -85,6 +85,37 @@ fn uniform_directions_have_the_same_bits_in_lanes() {
     }
 }
 
+/// In a scene without specular events, the picture has the light of connections and of hits; what is
+/// seen directly is only hit.
+#[test]
+fn the_sum_of_both_estimators_counts_all_but_directly_seen_light_twice() {
+    let scene = room(EYE)
+        .sphere(Vec3::new(0.0, 0.45, 0.0), 0.4, grey(0.6))
+        .build();
+    let mean = |name: &str, params: &[(&str, Value)], depth: u32| {
+        let (row, params) = technique(name, params);
+        let film = render(&scene, job_with(row, params, job([16; 2], depth, 1)), 2048);
+        mean_and_error(&film, 0)
+    };
+    let seen = mean("bpt", &[], 1);
+    let both = [mean("nee", &[], 4), mean("bpt", &[], 4)];
+    let expected = both[0].0 + both[1].0 - seen.0;
+    let error = both[0].1.hypot(both[1].1).hypot(seen.1);
+    for (key, word) in [
+        ("lights", "all"),
+        ("select", "area"),
+        ("directions", "uniform"),
+    ] {
+        let (sum, wider) = mean("nee_sum", &[(key, word.into())], 4);
+        let z = (sum - expected) / wider.hypot(error);
+        assert!(
+            z.abs() < 3.9,
+            "{key}: {sum} +- {wider}, {expected} +- {error}"
+        );
+        assert!(sum > both[0].0 + 20.0 * wider, "{key}: {sum}");
+    }
+}
+
 /// Variance of a pixel's sample: the square of the relative error of the mean.
 fn noise(film: &Film) -> f64 {
     let (mean, error) = mean_and_error(film, 0);
