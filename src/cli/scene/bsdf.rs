@@ -10,11 +10,11 @@ use crate::cli::exit::{Exit, Failure, print_result};
 use crate::cli::figure_files;
 use crate::cli::format::rounded;
 use lumbre_light::math::Frame;
-use lumbre_light::scene::compile::{Material, NONE, Uv};
+use lumbre_light::scene::compile::{Material, NONE, Share, Uv};
 use lumbre_light::scene::{CompiledScene, compile};
 use lumbre_light::transport::bsdf::Bsdf;
-use lumbre_light::transport::delay::profile_at;
-use lumbre_light::transport::surface::Surface;
+use lumbre_light::transport::delay::{Profile, profile_at};
+use lumbre_light::transport::surface::{Surface, lookup};
 use lumbre_render::lobe::Lobe;
 use lumbre_render::lobe::fit::{DelayFit, DirectionFit};
 use lumbre_report::lobe::{LobeFigure, draw};
@@ -23,8 +23,10 @@ use lumbre_scene_io::edit;
 /// P-value below which samples do not follow the stated density, so that the verb fails.
 const SIGNIFICANCE: f64 = 1e-4;
 
-/// Lobe of a material, and its samples beside their density.
+/// Lobe of a material, and its samples beside their density. Of a composed material the lobe is the
+/// sum of its parts' lobes.
 struct Found {
+    shares: Vec<Share>,
     lobe: Lobe,
     directions: DirectionFit,
     delays: Vec<(String, DelayFit)>,
@@ -45,21 +47,12 @@ pub fn main(args: &BsdfArgs, global: &Global) -> Result<Exit, Failure> {
         return Err(Failure::usage(message));
     };
     let (scene, _) = compile(&desc).map_err(Failure::usage)?;
-    let leaves = scene.delays.leaves(index as u32);
-    if leaves != [index as u32] {
-        let parts: Vec<&str> = leaves.iter().map(|leaf| names[*leaf as usize]).collect();
-        return Err(Failure::usage(format!(
-            "material `{}` is composed of others: name one of {}",
-            args.material,
-            parts.join(", ")
-        )));
-    }
     let found = find(args, &scene, index);
     let [theta, phi] = args.at;
     let heading = format!(
         "{} ({}) from {theta}° to the normal, azimuth {phi}°",
         args.material,
-        scene.materials[index].model.name()
+        found.parts(&scene, &names)
     );
     let description = format!(
         "{}\nscene {}\nmaterial {}",
@@ -93,6 +86,23 @@ pub fn main(args: &BsdfArgs, global: &Global) -> Result<Exit, Failure> {
 }
 
 impl Found {
+    /// Names what the material is: its model, or its parts with their probabilities.
+    fn parts(&self, scene: &CompiledScene, names: &[&str]) -> String {
+        match self.shares.as_slice() {
+            [only] => scene.materials[only.material as usize]
+                .model
+                .name()
+                .to_owned(),
+            parts => {
+                let part = |s: &Share| {
+                    let percent = rounded(100.0 * f64::from(s.probability));
+                    format!("{percent} % {}", names[s.material as usize])
+                };
+                parts.iter().map(part).collect::<Vec<_>>().join(", ")
+            }
+        }
+    }
+
     /// Returns whether samples do not follow the stated density.
     fn disagrees(&self) -> bool {
         let delays = self.delays.iter().map(|(_, fit)| fit.p_value);
@@ -104,10 +114,7 @@ impl Found {
 
 /// Evaluates and samples the BSDF and the delays of a material on a surface with the normal +z.
 fn find(args: &BsdfArgs, scene: &CompiledScene, index: usize) -> Found {
-    let material = &scene.materials[index];
     let uv = Uv::same(Vec2::from_array(args.uv));
-    let surface = surface(material, uv);
-    let bsdf = Bsdf::new(&surface, &scene.textures);
     let [theta, phi] = args.at.map(f32::to_radians);
     let around = Vec3::new(phi.cos(), phi.sin(), 0.0);
     let wo = around * theta.sin() + Vec3::Z * theta.cos();
@@ -117,19 +124,52 @@ fn find(args: &BsdfArgs, scene: &CompiledScene, index: usize) -> Found {
         t: Vec3::Z.cross(-around),
         n: Vec3::Z,
     };
-    let components = scene.delays.components(index as u32);
-    let profiles = components.iter().flat_map(|c| scene.delays.profiles(c));
-    let delays = profiles
-        .map(|profile| {
-            let fit = DelayFit::new(&profile_at(profile, &scene.textures, uv));
-            (format!("delay, {}", profile.kind.name()), fit)
-        })
-        .collect();
-    Found {
-        lobe: Lobe::new(&bsdf, Vec3::Z, wo),
-        directions: DirectionFit::new(&bsdf, material, &frame, wo),
-        delays,
+    let shares = scene.delays.shares(index as u32, |blend| {
+        if blend.by_side {
+            return if wo.z < 0.0 { 1.0 } else { 0.0 };
+        }
+        lookup(&scene.textures, blend.texture, uv, blend.tiling).x
+    });
+    let (mut lobes, mut directions) = (Vec::new(), Vec::new());
+    for share in &shares {
+        let material = &scene.materials[share.material as usize];
+        let surface = surface(material, uv);
+        let bsdf = Bsdf::new(&surface, &scene.textures);
+        let probability = f64::from(share.probability);
+        lobes.push((probability, Lobe::new(&bsdf, Vec3::Z, wo)));
+        directions.push((probability, DirectionFit::new(&bsdf, material, &frame, wo)));
     }
+    let none = "a material has parts whose probabilities sum to 1";
+    Found {
+        lobe: Lobe::composed(&lobes).expect(none),
+        directions: DirectionFit::composed(&directions).expect(none),
+        delays: delays(scene, &shares, uv),
+        shares,
+    }
+}
+
+/// Samples the delays of a material: of each profile, and, if it is composed of parts that have at
+/// most one profile each, of the whole.
+fn delays(scene: &CompiledScene, shares: &[Share], uv: Uv) -> Vec<(String, DelayFit)> {
+    let profiles = |share: &Share| -> Vec<Profile> {
+        let component = scene.delays.components.get(share.component as usize);
+        let profiles = component.map_or(&[][..], |c| scene.delays.profiles(c));
+        let at = |profile| profile_at(profile, &scene.textures, uv);
+        profiles.iter().map(at).collect()
+    };
+    let parts: Vec<Vec<Profile>> = shares.iter().map(profiles).collect();
+    let named = |profile: &Profile| {
+        let name = format!("delay, {}", profile.to_parts().0.name());
+        (name, DelayFit::new(profile))
+    };
+    let mut fits: Vec<_> = parts.iter().flatten().map(named).collect();
+    if shares.len() > 1 && !fits.is_empty() && parts.iter().all(|part| part.len() <= 1) {
+        let one = |part: &Vec<Profile>| part.first().cloned().unwrap_or(Profile::NONE);
+        let probabilities = shares.iter().map(|share| f64::from(share.probability));
+        let composed: Vec<_> = probabilities.zip(parts.iter().map(one)).collect();
+        fits.push(("delay, composed".to_owned(), DelayFit::composed(&composed)));
+    }
+    fits
 }
 
 /// Returns a point of a plane with the normal +z and texture coordinates along +x and +y. Normal and
@@ -173,6 +213,7 @@ fn page(heading: &str, found: &Found) -> String {
         lobe,
         directions,
         delays,
+        ..
     } = found;
     let mut lines = vec![
         heading.to_owned(),
@@ -212,6 +253,7 @@ fn report(args: &BsdfArgs, found: &Found, files: &[PathBuf; 2]) -> Json {
         lobe,
         directions,
         delays,
+        ..
     } = found;
     let delay = |(name, fit): &(String, DelayFit)| {
         json!({

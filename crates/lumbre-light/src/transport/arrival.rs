@@ -12,7 +12,7 @@ use crate::math::real::Real;
 use crate::math::simd::{Lanes, map_array, store_vectors};
 use crate::record;
 use crate::scene::CompiledScene;
-use crate::scene::compile::NONE;
+use crate::scene::compile::{Blend, NONE, Share};
 
 record! {
     /// Hits of rays, with the materials of the surfaces.
@@ -187,6 +187,23 @@ impl Index<usize> for SurfaceClasses {
     }
 }
 
+/// Returns the weight of the second part of a blend at the hit of a ray.
+#[inline]
+fn blend_weight(scene: &CompiledScene, ray: &Ray, hit: &Hit, blend: &Blend) -> f32 {
+    if blend.by_side {
+        return if is_back(scene, ray, hit) { 1.0 } else { 0.0 };
+    }
+    let uv = uv_at(scene, ray, hit);
+    lookup(&scene.textures, blend.texture, uv, blend.tiling).x
+}
+
+/// Returns the plain materials that the surface at the hit of a ray is, with their probabilities.
+pub fn shares_at(scene: &CompiledScene, ray: &Ray, hit: &Hit) -> Vec<Share> {
+    let material = scene.material_of(hit.primitive, hit.instance);
+    let weight = |blend: &Blend| blend_weight(scene, ray, hit, blend);
+    scene.delays.shares(material, weight)
+}
+
 impl HitState<f32> {
     /// Returns the state of a hit whose material, even a composed one, is used as a whole.
     #[inline]
@@ -208,13 +225,8 @@ impl HitState<f32> {
         let (material, component) = if scene.delays.is_empty() {
             (row, NONE)
         } else {
-            scene.delays.choose_component(row, choose, |blend| {
-                if blend.by_side {
-                    return if is_back(scene, ray, hit) { 1.0 } else { 0.0 };
-                }
-                let uv = uv_at(scene, ray, hit);
-                lookup(&scene.textures, blend.texture, uv, blend.tiling).x
-            })
+            let weight = |blend: &Blend| blend_weight(scene, ray, hit, blend);
+            scene.delays.choose_component(row, choose, weight)
         };
         HitState::of_part(hit, material, component)
     }

@@ -5,6 +5,7 @@ use std::f64::consts::{PI, TAU};
 use glam::Vec3;
 
 use super::cells::SphereCells;
+use super::slice::mean_of;
 use lumbre_light::math::Frame;
 use lumbre_light::math::rng::{pcg4d, unit};
 use lumbre_light::math::stats::chi_square_p;
@@ -86,6 +87,25 @@ impl DirectionFit {
         }
         fit.p_value = chi_square_p(&observed, &expected, 0);
         fit
+    }
+
+    /// Returns the fit of a composed material, given the probabilities of its parts, which sum to 1,
+    /// and their fits: maps are weighted means, and the p-value is the least one times the number
+    /// of parts (Bonferroni). `None` without parts.
+    pub fn composed(parts: &[(f64, DirectionFit)]) -> Option<DirectionFit> {
+        let samples = parts.first()?.1.samples;
+        let mean = |of: fn(&DirectionFit) -> f64| -> f64 {
+            parts.iter().map(|(p, fit)| p * of(fit)).sum()
+        };
+        let least = parts.iter().map(|(_, fit)| fit.p_value).reduce(f64::min)?;
+        Some(DirectionFit {
+            samples,
+            without_density: mean(|fit| f64::from(fit.without_density)).round() as u32,
+            mass: mean(|fit| fit.mass),
+            p_value: (least * parts.len() as f64).min(1.0),
+            stated: mean_of(parts, |fit| &fit.stated),
+            drawn: mean_of(parts, |fit| &fit.drawn),
+        })
     }
 
     /// Returns the greatest density of both maps in 1/sr.
@@ -170,14 +190,26 @@ pub struct DelayFit {
 impl DelayFit {
     /// Samples a profile.
     pub fn new(profile: &Profile) -> DelayFit {
-        let low = f64::from(profile.sample(0.0));
-        let high = f64::from(profile.sample(0.995));
+        DelayFit::composed(&[(1.0, profile.clone())])
+    }
+
+    /// Samples one of several profiles each time, given their probabilities, which sum to 1. There
+    /// must be at least one.
+    pub fn composed(parts: &[(f64, Profile)]) -> DelayFit {
+        let at = |u: f32| {
+            parts
+                .iter()
+                .map(move |(_, profile)| f64::from(profile.sample(u)))
+        };
+        let low = at(0.0).fold(f64::INFINITY, f64::min);
+        let high = at(0.995).fold(0.0, f64::max);
         let margin = (0.05 * (high - low)).max(0.05 * high.abs()).max(1e-6);
         // A profile of one delay needs an edge below it, which no other profile has below zero.
-        let first = if high > low {
-            (low - margin).max(0.0)
-        } else {
+        let constant = |(_, profile): &(f64, Profile)| matches!(profile, Profile::Constant(_));
+        let first = if parts.iter().any(constant) {
             low - margin
+        } else {
+            (low - margin).max(0.0)
         };
         let range = [first, high + margin];
         let width = (range[1] - range[0]) / DELAY_BINS as f64;
@@ -188,14 +220,18 @@ impl DelayFit {
         let mut observed = vec![0.0; DELAY_BINS + 2];
         let mut sum = 0.0;
         for i in 0..DELAYS {
-            let [u, ..] = pcg4d([i, 2, 0, 0]).map(unit::<u32>);
-            let delay = f64::from(profile.sample(u));
+            let [u, choice, ..] = pcg4d([i, 2, 0, 0]).map(unit::<u32>);
+            let delay = f64::from(chosen(parts, choice).sample(u));
             sum += delay;
             // A delay on an edge belongs to the bin below, as in the distribution function.
             observed[edges.partition_point(|edge| *edge < delay)] += 1.0;
         }
         let mut below = vec![0.0];
-        below.extend(edges.iter().map(|edge| profile.cdf(*edge)));
+        below.extend(
+            edges
+                .iter()
+                .map(|edge| mean(parts, |profile| profile.cdf(*edge))),
+        );
         below.push(1.0);
         let expected: Vec<f64> = below.windows(2).map(|two| n * (two[1] - two[0])).collect();
         let bins = |counts: &[f64]| {
@@ -208,10 +244,25 @@ impl DelayFit {
             stated: bins(&expected),
             drawn: bins(&observed),
             p_value: chi_square_p(&observed, &expected, 0),
-            mean: profile.mean(),
+            mean: mean(parts, Profile::mean),
             drawn_mean: sum / n,
         }
     }
+}
+
+/// Returns the profile that a number in `[0, 1)` chooses.
+fn chosen(parts: &[(f64, Profile)], choice: f32) -> &Profile {
+    let mut below = 0.0;
+    let passed = parts.iter().take_while(|(probability, _)| {
+        below += probability;
+        f64::from(choice) >= below
+    });
+    &parts[passed.count().min(parts.len() - 1)].1
+}
+
+/// Returns the mean of a quantity of profiles, weighted by their probabilities.
+fn mean(parts: &[(f64, Profile)], of: impl Fn(&Profile) -> f64) -> f64 {
+    parts.iter().map(|(p, profile)| p * of(profile)).sum()
 }
 
 #[cfg(test)]
@@ -252,6 +303,27 @@ mod tests {
         }
         assert!(fit_of(&narrow(0.1), &narrow(0.1)) > 1e-3);
         assert!(fit_of(&narrow(0.1), &narrow(0.104)) < 1e-6);
+    }
+
+    #[test]
+    fn a_composed_profile_draws_each_part_with_its_probability() {
+        let parts = [
+            (0.3, Profile::Constant(0.5)),
+            (0.7, Profile::Exponential(0.5)),
+        ];
+        let fit = DelayFit::composed(&parts);
+        assert!(fit.p_value > 1e-3, "{}", fit.p_value);
+        assert!((fit.mean - (0.3 * 0.5 + 0.7 * 2.0)).abs() < 1e-9);
+        assert!(
+            (fit.drawn_mean - fit.mean).abs() < 0.02,
+            "{}",
+            fit.drawn_mean
+        );
+        let other = DelayFit::composed(&[(0.32, parts[0].1.clone()), (0.68, parts[1].1.clone())]);
+        let n = f64::from(DELAYS) * (fit.range[1] - fit.range[0]) / DELAY_BINS as f64;
+        let counts = |densities: &[f64]| -> Vec<f64> { densities.iter().map(|d| d * n).collect() };
+        assert_eq!(fit.range, other.range);
+        assert!(chi_square_p(&counts(&other.drawn), &counts(&fit.stated), 0) < 1e-6);
     }
 
     #[test]

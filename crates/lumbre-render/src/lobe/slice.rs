@@ -96,6 +96,14 @@ fn mean_density(bsdf: &Bsdf, plane: &Plane, wo: Vec3, bin: usize) -> f64 {
     sum / f64::from(SUBDIVISIONS).powi(2)
 }
 
+/// Returns the mean of lists of numbers of parts, weighted by the probabilities of the parts.
+pub(super) fn mean_of<T>(parts: &[(f64, T)], of: impl Fn(&T) -> &Vec<f64>) -> Vec<f64> {
+    let length = parts.iter().map(|(_, part)| of(part).len()).max();
+    (0..length.unwrap_or(0))
+        .map(|i| parts.iter().map(|(p, part)| p * of(part)[i]).sum())
+        .collect()
+}
+
 impl Lobe {
     /// Evaluates and samples a BSDF. `normal` is the unit shading normal on either side, `wo` the
     /// unit direction to the camera.
@@ -125,6 +133,22 @@ impl Lobe {
         };
         lobe.sample(bsdf, &plane, wo);
         lobe
+    }
+
+    /// Returns the lobe of a composed material, given the probabilities of its parts, which sum to
+    /// 1, and their lobes for the same direction to the camera; `None` without parts.
+    pub fn composed(parts: &[(f64, Lobe)]) -> Option<Lobe> {
+        let angle = parts.first()?.1.angle;
+        let mean = |of: fn(&Lobe) -> f64| parts.iter().map(|(p, lobe)| p * of(lobe)).sum();
+        Some(Lobe {
+            angle,
+            values: mean_of(parts, |lobe| &lobe.values),
+            densities: mean_of(parts, |lobe| &lobe.densities),
+            histogram: mean_of(parts, |lobe| &lobe.histogram),
+            delta: mean(|lobe| lobe.delta),
+            lost: mean(|lobe| lobe.lost),
+            albedo: mean(|lobe| lobe.albedo),
+        })
     }
 
     fn sample(&mut self, bsdf: &Bsdf, plane: &Plane, wo: Vec3) {

@@ -7,6 +7,7 @@ use glam::Vec3;
 
 use super::session::{LoadedScene, Slot};
 use lumbre_light::scene::compile::NONE;
+use lumbre_light::transport::arrival::shares_at;
 use lumbre_light::transport::bsdf::Bsdf;
 use lumbre_light::transport::surface::Surface;
 use lumbre_render::Job;
@@ -64,7 +65,8 @@ pub struct SurfaceFacts {
     pub distance: f32,
     /// Index of the light that the surface is, with the radiance emitted to the camera.
     pub light: Option<(u32, [f32; 3])>,
-    /// Lobe of the material; `None` if it is composed of others.
+    /// Lobe of the material: of a composed one, the sum of its parts' lobes, without their normal and
+    /// bump maps.
     pub lobe: Option<Lobe>,
 }
 
@@ -102,12 +104,17 @@ pub fn inspect(query: &Query) -> Inspection {
         let compiled = prepared.scene();
         let surface = Surface::at(compiled, &ray, &hit);
         let material = compiled.material_of(hit.primitive, hit.instance);
-        let is_plain = compiled.delays.leaves(material) == [material];
         let wo = -ray.dir;
-        let lobe = is_plain.then(|| {
-            let bsdf = Bsdf::new(&surface, &compiled.textures);
-            Lobe::new(&bsdf, surface.n_shading, wo)
-        });
+        let shares = shares_at(compiled, &ray, &hit);
+        let mut lobes = Vec::new();
+        for share in &shares {
+            let mut part = Surface::at(compiled, &ray, &hit);
+            part.materials = [&compiled.materials[share.material as usize]];
+            let bsdf = Bsdf::new(&part, &compiled.textures);
+            let lobe = Lobe::new(&bsdf, surface.n_shading, wo);
+            lobes.push((f64::from(share.probability), lobe));
+        }
+        let lobe = Lobe::composed(&lobes);
         let instance = if hit.instance == NONE {
             String::new()
         } else {

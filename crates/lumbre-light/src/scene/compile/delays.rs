@@ -55,6 +55,17 @@ pub struct MaterialComponent {
     pub profiles: [u32; 2],
 }
 
+/// A plain material that a composed one is with some probability.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Share {
+    /// Probability in `(0, 1]`.
+    pub probability: f32,
+    /// Index into [`CompiledScene::materials`](super::CompiledScene::materials).
+    pub material: u32,
+    /// Index into [`Delays::components`], or [`NONE`].
+    pub component: u32,
+}
+
 /// A temporal profile whose parameters may come from textures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DelayProfile {
@@ -116,6 +127,56 @@ impl Delays {
                 .flat_map(|component| self.leaves(component.material))
                 .collect(),
         }
+    }
+
+    /// Returns the components from which [`Delays::choose_component`] chooses, with their
+    /// probabilities, which sum to 1; those of probability 0 are left out.
+    pub fn shares(&self, material: u32, weight: impl Fn(&Blend) -> f32 + Copy) -> Vec<Share> {
+        if let Some(blend) = self.blend(material) {
+            let second = weight(blend).clamp(0.0, 1.0);
+            let parts = blend.parts.into_iter().zip([1.0 - second, second]);
+            return self.scaled_shares(parts, weight);
+        }
+        let components = self.components(material);
+        let [first, _] = self.rows.get(material as usize).copied().unwrap_or([0; 2]);
+        if components.is_empty() {
+            return vec![Share {
+                probability: 1.0,
+                material,
+                component: NONE,
+            }];
+        }
+        let mut before = 0.0;
+        let mut shares = Vec::new();
+        for (component, row) in (first..).zip(components) {
+            let probability = row.cumulative_weight - before;
+            before = row.cumulative_weight;
+            if self.blend(row.material).is_some() {
+                shares.extend(self.scaled_shares([(row.material, probability)], weight));
+            } else if probability > 0.0 {
+                shares.push(Share {
+                    probability,
+                    material: row.material,
+                    component,
+                });
+            }
+        }
+        shares
+    }
+
+    /// Returns the shares of materials that are chosen with these probabilities.
+    fn scaled_shares(
+        &self,
+        parts: impl IntoIterator<Item = (u32, f32)>,
+        weight: impl Fn(&Blend) -> f32 + Copy,
+    ) -> Vec<Share> {
+        let of_part = |(part, probability): (u32, f32)| {
+            let mut shares = self.shares(part, weight);
+            shares.iter_mut().for_each(|s| s.probability *= probability);
+            shares
+        };
+        let shares = parts.into_iter().flat_map(of_part);
+        shares.filter(|share| share.probability > 0.0).collect()
     }
 
     /// Chooses a component of a material. `choose` returns a number in `[0, 1)`, and is called once,
@@ -523,5 +584,16 @@ mod tests {
                 "{counts:?} of {n}, expected {shares:?}"
             );
         }
+        let stated = delays.shares(5, weight);
+        let parts: Vec<(u32, u32)> = stated.iter().map(|s| (s.material, s.component)).collect();
+        assert_eq!(parts, [(0, NONE), (1, 0), (1, NONE), (2, NONE)]);
+        for (stated, share) in stated.iter().zip(shares) {
+            assert!(
+                (f64::from(stated.probability) - share).abs() < 1e-6,
+                "{stated:?}"
+            );
+        }
+        // A blend shows one part alone where the other has no weight.
+        assert_eq!(delays.shares(5, |_| 0.0).len(), 1);
     }
 }

@@ -24,7 +24,7 @@ use glam::{DAffine3, DVec3, Vec2, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
 pub use corners::cofactor;
-pub use delays::{Blend, DelayParam, DelayProfile, Delays, MaterialComponent};
+pub use delays::{Blend, DelayParam, DelayProfile, Delays, MaterialComponent, Share};
 pub use entities::Entities;
 pub use flatten::{MAX_PRIMITIVES, compile, compile_camera, compile_sharing};
 pub use instance::{Instance, Instances, MAX_FLATTENED_PRIMITIVES, SharedMesh};

@@ -36,10 +36,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, inspector: &Inspecto
             histogram(frame, right, caps, lobe);
         }
         None => {
-            let text = match surface {
-                Some(_) => "The material is composed of others; their lobes are not added up.",
-                None => "There is no surface at this pixel.",
-            };
+            let text = "There is no surface at this pixel.";
             let block = pane(caps, Span::styled(" Lobe ", caps.strong()));
             let inner = framed(frame, lower, block);
             draw_note(frame, inner, caps, text);
