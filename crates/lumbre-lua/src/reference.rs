@@ -172,7 +172,12 @@ const SCENES: &[Section] = &[
     Section {
         title: "Textures",
         intro: "A texture is a value of a material's texture keys or of the environment's `map`.",
-        functions: &["texture.file", "texture.paint", "texture.lay"],
+        functions: &[
+            "texture.file",
+            "texture.paint",
+            "texture.lay",
+            "texture.channel",
+        ],
         extra: None,
     },
     Section {

@@ -383,6 +383,25 @@ s:add { shape = shape.mesh { positions = { { 0, 0, 0 }, { 1, 0, 0 }, { 0, 1, 0 }
 }
 
 #[test]
+fn channels_of_one_texture_are_several_parameters() {
+    let s = made(
+        "local t = texture.paint { size = { 2, 1 }, color = function(u) return u, 0.2, 1 end }
+s:material(\"m\", { roughness_texture = texture.channel(t, \"red\"), metallic_texture = texture.channel(texture.lay(t, { wrap = \"clamp\" }), \"green\"), opacity_texture = texture.channel(t, \"blue\") })
+s:add { shape = shape.sphere { radius = 1 }, material = \"m\" }",
+    );
+    let m = &s.materials[s.material_index("m").unwrap()];
+    let bytes = |slot: TextureSlot| match &m.texture(slot).unwrap().texels {
+        lumbre_light::scene::desc::Texels::Rgba8(texels) => texels.to_vec(),
+        other => panic!("{other:?}"),
+    };
+    let grey = |v: u8| [v, v, v, 255];
+    assert_eq!(bytes(TextureSlot::Roughness), [grey(64), grey(191)]);
+    assert_eq!(bytes(TextureSlot::Metallic), [grey(51); 2]);
+    assert_eq!(bytes(TextureSlot::Opacity), [grey(255); 2]);
+    assert_eq!(m.lookup(TextureSlot::Metallic).wrap, [Wrap::Clamp; 2]);
+}
+
+#[test]
 fn imported_scenes_keep_their_materials() {
     let f = folder("s:import(\"two.obj\", { prefix = \"two/\", place = { at = { 0, 5, 0 } } })");
     f.put(
@@ -530,6 +549,10 @@ fn errors_in_scenes_have_their_line_and_a_hint() {
         ),
         ("texture.lay(3, {})", "a texture or the name of an image"),
         ("texture.lay(\"none.png\", {})", "none.png"),
+        (
+            "texture.channel(texture.paint { size = { 1, 1 }, color = function() return 1 end }, \"x\")",
+            "expected one of red, green, blue, alpha, found `x`",
+        ),
         (
             "texture.lay(texture.paint { size = { 1, 1 }, color = function() return 1 end }, { wrap = \"clmap\" })",
             "`clamp`",

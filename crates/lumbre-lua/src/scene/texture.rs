@@ -53,7 +53,16 @@ functions! {
         "texture": "Texture|string", "Texture, or the name of an image file.";
         "options": "Lay", "Mapping of the texture.";
     }
+    "texture.channel" -> "Texture" = channel,
+        "Returns one channel of a texture as a grey one, so that one image gives several \
+         parameters. Values are those of the file, not decoded from sRGB. The mapping is kept." {
+        "texture": "Texture|string", "Texture, or the name of an image file.";
+        "name": "string", "Channel: `red`, `green`, `blue` or `alpha`.";
+    }
 }
+
+/// Names of channels in the order of texels.
+const CHANNELS: [&str; 4] = ["red", "green", "blue", "alpha"];
 
 /// Lua object of a texture with its mapping.
 #[derive(Clone, Debug)]
@@ -113,6 +122,36 @@ fn read_image(args: &Args, name: &str) -> Result<Arc<TextureDesc>, ScriptError> 
 fn file(args: &Args) -> Result<LuaValue, ScriptError> {
     let name = args.text(0, "path")?;
     args.object(TextureObject::plain(read_image(args, &name)?))
+}
+
+fn channel(args: &Args) -> Result<LuaValue, ScriptError> {
+    let Some(texture) = texture_from_value(args, &args.get(0))? else {
+        return Err(args.wrong(0, "texture", "a texture or the name of an image"));
+    };
+    let name = args.text(1, "name")?;
+    let Some(c) = CHANNELS.iter().position(|channel| *channel == name) else {
+        let problem = format!(
+            "name: expected one of {}, found `{name}`",
+            CHANNELS.join(", ")
+        );
+        return Err(args.error(problem, None));
+    };
+    let from = &texture.texture;
+    let texels = match &from.texels {
+        Texels::Rgba8(texels) => {
+            let grey = |t: &[u8; 4]| [t[c], t[c], t[c], u8::MAX];
+            Texels::Rgba8(texels.iter().map(grey).collect())
+        }
+        Texels::RgbaF32(texels) => {
+            let grey = |t: &[f32; 4]| [t[c], t[c], t[c], 1.0];
+            Texels::RgbaF32(texels.iter().map(grey).collect())
+        }
+    };
+    let grey = TextureDesc::new(from.file.clone(), from.width, from.height, texels);
+    args.object(TextureObject {
+        texture: Arc::new(grey),
+        ..texture
+    })
 }
 
 fn lay(args: &Args) -> Result<LuaValue, ScriptError> {
