@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use super::Pictures;
 use super::films::{colour_bar, file_suffix};
 use super::item::ReportItem;
+use super::series::Series;
 use super::snapshots;
 use super::snapshots::{Disagreement, FacetReferences, Moment, Snapshot};
 use super::study::{ReportOptions, Study};
@@ -13,7 +14,7 @@ use super::tables::{common_error, common_time};
 use crate::format::significant;
 use crate::plot::sizes::{COLUMN, FULL, SCREEN};
 use crate::plot::style::{FAINT, INK};
-use crate::plot::svg::{Anchor, Drawing, Font, shorten};
+use crate::plot::svg::{Anchor, Drawing, Font, wrap};
 use crate::provenance::Provenance;
 use crate::{OutputError, png};
 use lumbre_light::film::Image;
@@ -30,8 +31,12 @@ const BOX: f64 = 1.3;
 
 /// Space between pictures.
 const GAP: f64 = 3.0;
-/// Space above the pictures for names and facts.
+/// Space above the pictures for names of one line and facts.
 const HEAD: f64 = 21.0;
+/// Distance between lines of names.
+const NAME_LINE: f64 = 9.0;
+/// Distance between small lines.
+const SMALL_LINE: f64 = 8.0;
 /// Space below a picture for its error.
 const UNDER: f64 = 10.5;
 
@@ -132,10 +137,16 @@ struct CropLayout {
     column: f64,
     /// Height of the reference picture divided by its width.
     aspect: f64,
+    /// Names above the reference and above each column, as lines.
+    names: Vec<Vec<String>>,
+    /// Height of the names and facts above the pictures.
+    head: f64,
 }
 
 impl CropLayout {
-    fn new(reference: &Image, columns: usize) -> CropLayout {
+    /// Returns the layout for a reference and the series beside it, whose names are in columns.
+    fn new(reference: &Image, reference_name: &str, series: &[&Series]) -> CropLayout {
+        let columns = series.len() + 1;
         // The reference is as large as the crops beside it allow, up to a third of the page.
         let width = if columns <= 2 { COLUMN * 1.4 } else { FULL };
         let left = if columns <= 4 {
@@ -143,11 +154,26 @@ impl CropLayout {
         } else {
             0.22 * width
         };
+        let column = (width - left - 2.0 * GAP - (columns - 1) as f64 * GAP) / columns as f64;
+        let mut names = vec![wrap(reference_name, NAME.size, left)];
+        names.extend(series.iter().map(|s| s.label_lines(NAME.size, column)));
+        names.push(wrap(reference_name, NAME.size, column));
+        let lines = names.iter().map(Vec::len).max().unwrap_or(1);
         CropLayout {
             width,
             left,
-            column: (width - left - 2.0 * GAP - (columns - 1) as f64 * GAP) / columns as f64,
+            column,
             aspect: f64::from(reference.height) / f64::from(reference.width),
+            names,
+            head: HEAD + NAME_LINE * (lines - 1) as f64,
+        }
+    }
+
+    /// Draws a name in lines that end above the facts.
+    fn draw_name(&self, drawing: &mut Drawing, x: f64, name: &[String]) {
+        for (i, line) in name.iter().rev().enumerate() {
+            let y = self.head - 13.0 - NAME_LINE * i as f64;
+            drawing.text((x, y), NAME, Anchor::Start, line);
         }
     }
 
@@ -333,26 +359,31 @@ impl CropFigure<'_> {
         description: &str,
     ) -> Result<String, OutputError> {
         let mut drawing = Drawing::default();
-        let layout = CropLayout::new(self.reference, self.snapshots.len() + 1);
+        let series = self.snapshots.iter().map(|s| &self.study.series[s.series]);
+        let series: Vec<&Series> = series.collect();
+        let layout = CropLayout::new(self.reference, &self.reference_name(), &series);
         let reference_height = layout.left * layout.aspect;
         self.draw_reference(&mut drawing, &layout, windows, tonemap)?;
         self.draw_column_heads(&mut drawing, &layout);
-        let mut y = HEAD;
+        let mut y = layout.head;
         for (number, window) in windows.iter().enumerate() {
             let height = layout.column * f64::from(window[3]) / f64::from(window[2]);
             self.draw_crops(&mut drawing, &layout, (number, *window), tonemap, y)?;
             y += height + UNDER + GAP;
         }
         let bottom = self.draw_flip_row(&mut drawing, &layout, tonemap, y + 1.0)?;
-        let under = HEAD + reference_height + 8.0;
-        let words = shorten(&tonemap.to_string(), SMALL.size, layout.left);
-        drawing.text((0.0, under), SMALL, Anchor::Start, &words);
+        let facts = [self.description.to_owned(), tonemap.to_string()];
+        let facts = facts.iter().flat_map(|f| wrap(f, SMALL.size, layout.left));
+        let mut under = layout.head + reference_height;
+        for line in facts {
+            under += SMALL_LINE;
+            drawing.text((0.0, under), SMALL, Anchor::Start, &line);
+        }
         let mut height = bottom.max(under + 2.0);
-        for disagreement in self.disagreements {
+        let warnings = self.disagreements.iter().map(|d| self.disagreement(d));
+        for line in warnings.flat_map(|w| wrap(&w, WARNING.size, layout.width)) {
             height += WARNING.size + 3.0;
-            let text = self.disagreement(disagreement);
-            let text = shorten(&text, WARNING.size, layout.width);
-            drawing.text((0.0, height - 2.0), WARNING, Anchor::Start, &text);
+            drawing.text((0.0, height - 2.0), WARNING, Anchor::Start, &line);
         }
         draw_flip_scale(
             &mut drawing,
@@ -372,22 +403,15 @@ impl CropFigure<'_> {
         windows: &[[u32; 4]],
         tonemap: Tonemap,
     ) -> Result<(), OutputError> {
-        let name = shorten(&self.reference_name(), NAME.size, layout.left);
-        drawing.text((0.0, 8.0), NAME, Anchor::Start, &name);
-        drawing.text(
-            (0.0, 17.0),
-            SMALL,
-            Anchor::Start,
-            &shorten(self.description, SMALL.size, layout.left),
-        );
+        layout.draw_name(drawing, 0.0, &layout.names[0]);
         drawing.image(
-            [0.0, HEAD, layout.left, layout.left * layout.aspect],
+            [0.0, layout.head, layout.left, layout.left * layout.aspect],
             &png::encode(self.reference, tonemap, &[])?,
         );
         for (i, window) in windows.iter().enumerate() {
             let zoom = layout.left / f64::from(self.reference.width);
             let [x, y, w, h] = window.map(|v| f64::from(v) * zoom);
-            drawing.outline([x, HEAD + y, w, h], BOXES[i], BOX);
+            drawing.outline([x, layout.head + y, w, h], BOXES[i], BOX);
         }
         Ok(())
     }
@@ -395,23 +419,17 @@ impl CropFigure<'_> {
     /// Writes name, samples and render time above each column.
     fn draw_column_heads(&self, drawing: &mut Drawing, layout: &CropLayout) {
         for (i, snapshot) in self.snapshots.iter().enumerate() {
-            let series = &self.study.series[snapshot.series];
-            drawing.text(
-                (layout.x(i), 8.0),
-                NAME,
-                Anchor::Start,
-                &series.label_within(NAME.size, layout.column),
-            );
+            layout.draw_name(drawing, layout.x(i), &layout.names[i + 1]);
             let facts = format!(
                 "{} spp, {} s",
                 snapshot.samples,
                 significant(snapshot.render_s, 2)
             );
-            drawing.text((layout.x(i), 17.0), SMALL, Anchor::Start, &facts);
+            let y = layout.head - 4.0;
+            drawing.text((layout.x(i), y), SMALL, Anchor::Start, &facts);
         }
-        let last = layout.x(self.snapshots.len());
-        let name = shorten(&self.reference_name(), NAME.size, layout.column);
-        drawing.text((last, 8.0), NAME, Anchor::Start, &name);
+        let last = self.snapshots.len();
+        layout.draw_name(drawing, layout.x(last), &layout.names[last + 1]);
     }
 
     /// Draws the crops of one window in all columns, with their errors.

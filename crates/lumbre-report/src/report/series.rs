@@ -1,7 +1,7 @@
 //! Compared series, and how they are labelled.
 
 use crate::plot::style::Style;
-use crate::plot::svg::{shorten, text_width};
+use crate::plot::svg::{shorten, text_width, wrap};
 
 /// Mark at the end of the label of a series whose pictures are denoised.
 pub const BIASED: &str = " (biased)";
@@ -50,6 +50,16 @@ impl Series {
             return full;
         }
         shorten(&self.with_group(&self.short_label), size, width)
+    }
+
+    /// Returns the label with the group as lines for a place of this width: without names of axes
+    /// where they do not fit into one line.
+    pub fn label_lines(&self, size: f64, width: f64) -> Vec<String> {
+        let full = self.full_label();
+        if text_width(&full, size) <= width {
+            return vec![full];
+        }
+        wrap(&self.with_group(&self.short_label), size, width)
     }
 }
 
