@@ -15,6 +15,10 @@ use lumbre_light::value::schema::SchemaError;
 /// picture is kept, and for frames of runs without a time axis, outside of it, or with the density
 /// of a material that has none.
 pub(super) fn check(plan: &Plan) -> Result<(), PlanError> {
+    // Nothing is drawn of a plan whose points are all left out.
+    if plan.cells.is_empty() {
+        return Ok(());
+    }
     plan.sheets.iter().try_for_each(|sheet| {
         check_sheet(plan, sheet).map_err(|error| PlanError::Sheet {
             name: sheet.name.clone(),
