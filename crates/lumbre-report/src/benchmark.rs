@@ -1,162 +1,162 @@
-//! Tables of the rates of several machines: absolute, and relative to the first one, as tables 5.2
-//! and 5.3 of thesis S0.
+//! Tables of the benchmark: a quantity by scene, technique and device, and rates relative to those
+//! of the first device, as tables 5.2 and 5.3 of thesis S0.
 
 use std::collections::BTreeMap;
 
 use super::provenance::Provenance;
-use super::table::{Digits, Interval, Table, TableCell, TableKind};
-use lumbre_light::math::t_test::mean_and_interval;
+use super::quantity::{Bound, RunValue};
+pub use super::table::ranking::Ranking;
+use super::table::{Digits, Table, TableCell, TableKind};
 
-/// Rates of one backend of one machine.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RateGroup {
-    /// Heading of its columns.
-    pub label: String,
-    /// Samples of every pixel per second of each repeat, by scene and technique.
-    pub rates: BTreeMap<(String, String), Vec<f64>>,
+/// A quantity of the benchmark.
+pub struct Quantity {
+    /// Name of the table's files without extension.
+    pub name: String,
+    /// Short title of the table.
+    pub title: String,
+    /// Description of the numbers.
+    pub caption: String,
+    /// Unit of the numbers; empty if there is none.
+    pub unit: &'static str,
+    /// Scale on which runs are averaged.
+    pub ranking: Ranking,
 }
 
-impl RateGroup {
-    fn repeats(&self, scene: &str, technique: &str) -> &[f64] {
-        let key = (scene.to_owned(), technique.to_owned());
-        self.rates.get(&key).map_or(&[], Vec::as_slice)
+/// Values of a quantity for one technique on one scene and device.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Measured {
+    /// Value of each run.
+    pub runs: Vec<RunValue>,
+    /// Whether a value is dominated by the noise of its reference.
+    pub at_floor: bool,
+}
+
+/// Values of a quantity on one backend of one machine.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DeviceValues {
+    /// Heading of its columns.
+    pub label: String,
+    /// Values by scene and technique.
+    pub values: BTreeMap<(String, String), Measured>,
+}
+
+impl DeviceValues {
+    fn get(&self, scene: &str, technique: &str) -> Option<&Measured> {
+        self.values.get(&(scene.to_owned(), technique.to_owned()))
     }
 
-    /// Returns those of some techniques of which any scene has a rate.
+    fn cell(&self, scene: &str, technique: &str, ranking: Ranking) -> TableCell {
+        let Some(measured) = self.get(scene, technique) else {
+            return TableCell::default();
+        };
+        TableCell {
+            at_floor: measured.at_floor && !measured.runs.is_empty(),
+            ..TableCell::mean(&measured.runs, ranking)
+        }
+    }
+
+    /// Returns those of some techniques of which any scene has a value.
     fn techniques<'a>(&self, all: &'a [String]) -> Vec<&'a String> {
-        let has = |technique: &&String| self.rates.keys().any(|(_, own)| own == *technique);
+        let has = |technique: &&String| self.values.keys().any(|(_, own)| own == *technique);
         all.iter().filter(has).collect()
     }
 }
 
-/// A table in all formats.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RateTable {
-    /// Name of its files without extension.
-    pub name: String,
-    /// The table as Markdown with its caption.
-    pub markdown: String,
-    /// The table as CSV in full precision, a line for each cell.
-    pub csv: String,
-    /// The table as LaTeX with booktabs rules.
-    pub latex: String,
-}
-
-/// Returns the table of rates and, for several groups, that of the rates relative to the first one,
-/// with these scenes as rows and techniques as columns.
-pub fn tables(groups: &[RateGroup], scenes: &[String], techniques: &[String]) -> Vec<RateTable> {
-    let mut tables = vec![absolute(groups, scenes, techniques)];
-    if let [base, others @ ..] = groups
-        && !others.is_empty()
-    {
-        tables.push(relative(base, others, scenes, techniques));
-    }
-    let written = |table: Table| RateTable {
-        markdown: table.to_markdown(),
-        csv: table.to_long_csv(),
-        latex: table.to_latex(),
-        name: table.name,
-    };
-    tables.into_iter().map(written).collect()
-}
-
-fn absolute(groups: &[RateGroup], scenes: &[String], techniques: &[String]) -> Table {
-    let shown: Vec<(&RateGroup, Vec<&String>)> = groups
-        .iter()
-        .map(|group| (group, group.techniques(techniques)))
-        .collect();
-    let cell = |scene: &String, group: &RateGroup, technique: &String| {
-        let repeats = group.repeats(scene, technique);
-        if repeats.is_empty() {
-            return TableCell::default();
-        }
-        let (mean, half) = mean_and_interval(repeats);
-        TableCell {
-            value: Some(mean),
-            interval: half.map(Interval::Half),
-            runs: repeats.len(),
-            ..TableCell::default()
-        }
-    };
-    let caption = "Samples of every pixel per second (FPS). Mean of repeats with its 95 % \
-                   confidence interval.";
-    table(
-        "benchmark-fps",
-        ("Sampling rate", caption),
-        ("1/s", Digits::Significant(4)),
-        &shown,
-        scenes,
-        &cell,
-    )
-}
-
-fn relative(
-    base: &RateGroup,
-    others: &[RateGroup],
+/// Returns the table of a quantity with these scenes as rows, and a group of columns for each
+/// device.
+pub fn table(
+    quantity: &Quantity,
+    devices: &[DeviceValues],
     scenes: &[String],
     techniques: &[String],
 ) -> Table {
-    let shared = |group: &RateGroup| {
-        let own = base.techniques(techniques);
-        let both = group.techniques(techniques).into_iter();
+    let shown: Vec<(&DeviceValues, Vec<&String>)> = devices
+        .iter()
+        .map(|device| (device, device.techniques(techniques)))
+        .collect();
+    let cell = |scene: &String, device: &DeviceValues, technique: &String| {
+        device.cell(scene, technique, quantity.ranking)
+    };
+    let mut table = build(quantity, Digits::Significant(4), &shown, scenes, &cell);
+    let bounds: Vec<Bound> = table.cells().iter().map(|cell| cell.bound).collect();
+    let mut notes = vec![Bound::explanations(&bounds)];
+    if table.cells().iter().any(|cell| cell.at_floor) {
+        notes.push("†: at least half of the squared error can be noise of the reference.".into());
+    }
+    for note in notes.iter().filter(|note| !note.is_empty()) {
+        table.caption += " ";
+        table.caption += note;
+    }
+    table
+}
+
+/// Returns the table of the quotients of a quantity and that of the first device, or `None` for a
+/// single device.
+pub fn relative(
+    quantity: &Quantity,
+    devices: &[DeviceValues],
+    scenes: &[String],
+    techniques: &[String],
+) -> Option<Table> {
+    let [base, others @ ..] = devices else {
+        return None;
+    };
+    if others.is_empty() {
+        return None;
+    }
+    let own = base.techniques(techniques);
+    let shared = |device: &DeviceValues| {
+        let both = device.techniques(techniques).into_iter();
         both.filter(|technique| own.contains(technique)).collect()
     };
-    let shown: Vec<(&RateGroup, Vec<&String>)> =
-        others.iter().map(|group| (group, shared(group))).collect();
-    let cell = |scene: &String, group: &RateGroup, technique: &String| {
-        let [a, b] = [group, base].map(|group| group.repeats(scene, technique));
-        if a.is_empty() || b.is_empty() {
-            return TableCell::default();
-        }
+    let shown: Vec<(&DeviceValues, Vec<&String>)> = others
+        .iter()
+        .map(|device| (device, shared(device)))
+        .collect();
+    let cell = |scene: &String, device: &DeviceValues, technique: &String| {
+        let [a, b] = [device, base].map(|d| d.cell(scene, technique, quantity.ranking));
         TableCell {
-            value: Some(mean_and_interval(a).0 / mean_and_interval(b).0),
-            runs: a.len().min(b.len()),
+            value: a.value.zip(b.value).map(|(a, b)| a / b),
+            runs: a.runs.min(b.runs),
             ..TableCell::default()
         }
     };
-    let caption = format!(
-        "Sampling rate relative to that of {} with the same technique.",
-        base.label
-    );
-    table(
-        "benchmark-relative",
-        ("Relative sampling rate", &caption),
-        ("1", Digits::Percent),
-        &shown,
-        scenes,
-        &cell,
-    )
+    let caption = format!("{} Relative to {}.", quantity.caption, base.label);
+    Some(Table {
+        caption,
+        unit: "1".to_owned(),
+        ..build(quantity, Digits::Percent, &shown, scenes, &cell)
+    })
 }
 
-/// Builds a table of groups with their techniques.
-fn table(
-    name: &str,
-    (title, caption): (&str, &str),
-    (unit, digits): (&str, Digits),
-    shown: &[(&RateGroup, Vec<&String>)],
+/// Builds the table of a quantity for devices with their techniques.
+fn build(
+    quantity: &Quantity,
+    digits: Digits,
+    shown: &[(&DeviceValues, Vec<&String>)],
     scenes: &[String],
-    cell: &dyn Fn(&String, &RateGroup, &String) -> TableCell,
+    cell: &dyn Fn(&String, &DeviceValues, &String) -> TableCell,
 ) -> Table {
     let row = |scene: &String| {
-        let cells = shown.iter().flat_map(|(group, techniques)| {
+        let cells = shown.iter().flat_map(|(device, techniques)| {
             techniques
                 .iter()
-                .map(|technique| cell(scene, group, technique))
+                .map(|technique| cell(scene, device, technique))
         });
         (vec![scene.clone()], cells.collect())
     };
     let columns = shown.iter().flat_map(|(_, techniques)| techniques);
     Table {
-        name: name.to_owned(),
+        name: quantity.name.clone(),
         kind: TableKind::Other,
         section: String::new(),
-        title: title.to_owned(),
-        caption: caption.to_owned(),
-        unit: unit.to_owned(),
+        title: quantity.title.clone(),
+        caption: quantity.caption.clone(),
+        unit: quantity.unit.to_owned(),
         label_headers: vec!["scene".to_owned()],
         groups: shown
             .iter()
-            .map(|(group, techniques)| (group.label.clone(), techniques.len()))
+            .map(|(device, techniques)| (device.label.clone(), techniques.len()))
             .collect(),
         columns: columns.map(|technique| (*technique).clone()).collect(),
         rows: scenes.iter().map(row).collect(),

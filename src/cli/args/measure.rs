@@ -127,16 +127,18 @@ pub struct BenchArgs {
     pub repeats: u32,
     /// Measure this machine by the fixed suite instead, for comparisons with other machines.
     ///
-    /// Renders six built-in scenes by every technique on every backend of this machine, or on the
-    /// given ones, in twenty minutes, and writes one file with machine, drivers, rates with their
-    /// spread, and checksums of pictures. Scenes, sizes and seeds belong to the version of the suite
-    /// and cannot be changed. Leave the machine alone meanwhile.
+    /// Renders eleven scenes by bpt, nee and bdpt on every backend of this machine, or on the given
+    /// ones, and writes one file with machine, drivers, rates, errors at equal time and times to an
+    /// error with their spread, and checksums of pictures. Takes under twenty minutes on two cores,
+    /// and about six more for each backend besides the first. Scenes, sizes and seeds belong to the
+    /// version of the suite and cannot be changed. The same command resumes an interrupted suite.
+    /// Leave the machine alone meanwhile.
     #[arg(
         long,
         conflicts_with_all = ["scenes", "only", "width", "height", "traversal", "mpaths", "repeats", "json"]
     )]
     pub suite: bool,
-    /// Measure the suite for a minute instead of twenty.
+    /// Measure the suite with short runs and noisy references, in about a minute.
     #[arg(long, requires = "suite")]
     pub quick: bool,
     /// Name of the machine in tables of the suite [default: the model of its processor].
@@ -145,10 +147,11 @@ pub struct BenchArgs {
     /// Compare results of the suite of several machines in tables, relative to the first one.
     ///
     /// Prints the sampling rate of every technique on every scene and backend, the same relative to
-    /// the first one, and which pictures have the same bits.
+    /// the first one, errors at equal time, times to an error, and which pictures have the same
+    /// bits.
     #[arg(long, value_name = "FILE", num_args = 1.., conflicts_with_all = ["suite", "scenes"])]
     pub compare: Vec<PathBuf>,
-    /// Write the result of the suite to this file [default: benchmark-1.json], or the tables of
+    /// Write the result of the suite to this file [default: benchmark-2.json], or the tables of
     /// `--compare` as Markdown, CSV and LaTeX to this folder.
     #[arg(short = 'o', long = "to", value_name = "FILE")]
     pub to: Option<PathBuf>,
@@ -158,7 +161,8 @@ pub struct BenchArgs {
     /// Width and height of the suite in pixels, for tests; results of other sizes are not compared.
     #[arg(long, hide = true, value_parser = crate::cli::scene::trace::size)]
     pub size: Option<[u32; 2]>,
-    /// Duration of the suite, for tests.
+    /// Greatest duration of the suite, for tests: shortens runs and references in proportion to the
+    /// twenty minutes.
     #[arg(long, hide = true, value_parser = seconds)]
     pub time: Option<f64>,
 }

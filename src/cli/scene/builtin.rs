@@ -17,7 +17,8 @@ macro_rules! scene_files {
     };
 }
 
-/// All files of the built-in scenes: first the scene files, then meshes and textures.
+/// All files of the built-in scenes: first the scene files, then meshes and textures, then scenes
+/// in Lua, which only the benchmark renders.
 const SCENE_FILES: &[SceneFile] = scene_files![
     "cornell/cornell.scn",
     "cornell_spheres/cornell_spheres.scn",
@@ -43,6 +44,10 @@ const SCENE_FILES: &[SceneFile] = scene_files![
     "veach_lamps/room.obj",
     "veach_lamps/spot_lamp.obj",
     "veach_lamps/table.obj",
+    "atrium.lua",
+    "bedroom.lua",
+    "cornell.lua",
+    "veach_lamps.lua",
 ];
 
 /// Built-in scenes in a temporary folder, which is removed when this is dropped.
@@ -66,7 +71,12 @@ impl BuiltIn {
         Ok(BuiltIn { folder })
     }
 
-    /// Returns the paths of the scene files.
+    /// Returns the path of a file of the scenes.
+    pub fn file(&self, path: &str) -> PathBuf {
+        self.folder.path().join(path)
+    }
+
+    /// Returns the paths of the scene files that are not in Lua.
     pub fn scenes(&self) -> Vec<PathBuf> {
         let scenes = SCENE_FILES
             .iter()
