@@ -41,7 +41,7 @@ x:reference {
   stop = function(p) return stop.samples(16 * p.samples) end,
 }
 
-x:measure { every = "1s", relmse = metric.relmse(), flip = metric.flip(), display = tonemap.srgb { exposure = 0 } }
+x:measure { every = "1s", relmse = metric.relmse(), flip = metric.flip(), display = tonemap.srgb { exposure = -1 } }
 x:stop(function(p) return stop.samples(p.samples) end)
 
 x:table("relmse", { value = "relmse", rows = { "technique", "directions" } })

@@ -4,9 +4,13 @@
 --     lumbre run scripts/overnight.lua quick=true      all stages, small and noisy: two minutes on
 --                                                      two cores
 --     lumbre run scripts/overnight.lua full=true       as in the thesis: several nights
+--     lumbre run scripts/overnight.lua folder=/path/to/vkraytracing
+--                                                      the scenes of the thesis, where published
 --     lumbre report out/latest                         figures, tables and page, at any time
 --
--- The protocol is that of thesis S0 (docs/bibliography.md), by section:
+-- scripts/theses/ has a smaller script for each figure and table, with its claims; this one makes
+-- one night and one report of them. The protocol is that of thesis S0 (docs/bibliography.md), by
+-- section:
 --
 --   5.1.2  1280x720, five path edges, the Disney model; every technique renders its own reference
 --          in 50 minutes, since the pictures of two techniques may differ slightly. Without
@@ -15,13 +19,13 @@
 --          computed on linear radiance; the gamma of 1/2.2 applies to displayed pictures only
 --   5.2    four families of scenes from easy to hard: a box with mirror and glass, lamps that hide
 --          their light, a bedroom with wide windows, a court from two positions in two kinds of
---          light. They are scenes of this project that replace those of the thesis
+--          light. Scenes of this project replace those of the thesis unless `folder` is given
 --   5.3.1  depths 5, 6 and 7 in the room of the lamps and in the court, 10 in the gallery and in
 --          the room of the lamps
 --   5.3.2  convergence of the three techniques, and the time to an SSIM of 0.95
 --   5.3.6  the box with analytic spheres and with spheres of triangles
 --   5.3.7  frames per second in the order of tables 5.2 and 5.3; `lumbre report` compares machines
---   5.4    scripts/compare_mitsuba.lua
+--   5.4    scripts/theses/s0_table_5_4.lua
 --
 -- Additions: three repeats, so that means have confidence intervals, and the stage `veach-films`,
 -- whose runs also keep layers by depth, strategy and number of bounces. These layers take time, so
@@ -42,24 +46,21 @@
 --     tables/time_to_ssim     seconds of render time to an SSIM of 0.95
 --     tables/fps              frames per second; a frame is one sample of every pixel
 
+local s0 = require("theses.lib.s0")
 local x = experiment("overnight", { seed = 2025, repeats = 3 })
 
--- The scene and depths of every stage, in the order of thesis S0, table 5.2.
-local stages = {
-  ["cornell-balls"] = { scene = "scenes/cornell.lua", options = { inside = "balls" }, depths = { 5 } },
-  ["cornell-spheres"] = { scene = "scenes/cornell.lua", options = { inside = "spheres" }, depths = { 5 } },
-  ["bedroom"] = { scene = "scenes/bedroom.lua", depths = { 5 } },
-  ["veach-lamps"] = { scene = "scenes/veach_lamps.lua", depths = { 5, 6, 7, 10 } },
-  ["atrium-sky"] = { scene = "scenes/atrium.lua", view = "atrium", options = { light = "skybox" }, depths = { 5, 6, 7 } },
-  ["gallery-sky"] = { scene = "scenes/atrium.lua", view = "gallery", options = { light = "skybox" }, depths = { 5, 6, 7, 10 } },
-  ["atrium-lamps"] = { scene = "scenes/atrium.lua", view = "atrium", options = { light = "lamps" }, depths = { 5 } },
-  ["gallery-lamps"] = { scene = "scenes/atrium.lua", view = "gallery", options = { light = "lamps" }, depths = { 5 } },
-  ["veach-films"] = { scene = "scenes/veach_lamps.lua", depths = { 5 }, films = true },
+-- Depths of the stages that have several.
+local depths = {
+  ["veach-lamps"] = { [5] = true, [6] = true, [7] = true, [10] = true },
+  ["atrium-sky"] = { [5] = true, [6] = true, [7] = true },
+  ["gallery-sky"] = { [5] = true, [6] = true, [7] = true, [10] = true },
 }
 
 -- An axis with one value can be replaced on the command line: `quick=true`.
 x:axis("quick", { false })
 x:axis("full", { false })
+x:axis("folder", { "own" })
+-- In the order of thesis S0, table 5.2.
 x:axis("stage", {
   "cornell-balls", "cornell-spheres", "bedroom", "veach-lamps", "atrium-sky", "gallery-sky", "atrium-lamps",
   "gallery-lamps", "veach-films",
@@ -68,30 +69,23 @@ x:axis("depth", { 5, 6, 7, 10 })
 x:axis("technique", { "bpt", "nee", "bdpt" })
 
 x:skip("not one of this scene's depths", function(p)
-  for _, depth in ipairs(stages[p.stage].depths) do
-    if depth == p.depth then return false end
-  end
-  return true
+  return not (depths[p.stage] or { [5] = true })[p.depth]
 end)
 x:skip("left out of the quick night", function(p) return p.quick and (p.depth == 6 or p.depth == 10) end)
 
 -- Returns the layers that a run keeps. Light by strategy and depth is kept for `bdpt` only.
 local function films(p)
-  if not stages[p.stage].films then return nil end
+  if p.stage ~= "veach-films" then return nil end
   return p.technique == "bdpt" and { "depth", "strategies", "bounces" } or { "bounces" }
 end
 
 x:render(function(p)
-  local stage = stages[p.stage]
-  return {
-    scene = stage.scene,
-    view = stage.view,
-    scene_options = stage.options,
-    integrator = p.technique,
-    max_depth = p.depth,
-    resolution = p.quick and { 80, 45 } or p.full and { 1280, 720 } or { 640, 360 },
-    films = films(p),
-  }
+  local render = s0.scene(p.stage == "veach-films" and "veach-lamps" or p.stage, p.folder)
+  render.integrator = p.technique
+  render.max_depth = p.depth
+  render.resolution = p.quick and { 80, 45 } or p.full and { 1280, 720 } or { 640, 360 }
+  render.films = films(p)
+  return render
 end)
 
 -- With `full=true`, as in the quick night, each technique is measured against its own reference.

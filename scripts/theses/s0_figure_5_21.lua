@@ -23,7 +23,7 @@ x:render(function(p)
     resolution = s0.form(p, { { 320, 180 }, { 96, 54 } }),
   }
 end)
-x:measure { every = "5s", display = tonemap.gamma { gamma = 2.2, exposure = 2 } }
+x:measure { every = "5s", display = tonemap.gamma { gamma = 2.2, exposure = 1 } }
 x:stop(function(p) return stop.time(s0.form(p, { 40, 2 })) end)
 x:sheet("table", { cols = "technique" })
 return x

@@ -43,4 +43,5 @@ x:stop(function(p) return stop.time(s0.form(p, { 60, 2 })) end)
 for _, column in ipairs { "mse", "rmse", "ssim", "flip" } do
   x:table(column, { value = column, rows = "technique" })
 end
+x:figure("convergence", { x = "render_s", y = { "ssim", "rmse" }, by = "technique" })
 return x

@@ -27,7 +27,7 @@ x:render(function(p)
   }
 end)
 -- The sun's side of the ball is far brighter than the rest.
-x:measure { every = "1s", display = tonemap.srgb { exposure = -1 } }
+x:measure { every = "1s", display = tonemap.srgb { exposure = -2 } }
 x:stop(function(p) return stop.samples(p.quick and 64 or 512) end)
 x:sheet("normals", { rows = "light", cols = "normals", display = tonemap.reinhard { exposure = -1 } })
 x:table("rate", { value = "mpaths_s", rows = "normals", cols = "light" })

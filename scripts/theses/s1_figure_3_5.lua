@@ -5,7 +5,9 @@
 --
 -- Thesis S1 (docs/bibliography.md), section 3.1: figures 3.2 to 3.5, a scene without a lens, in
 -- focus at 10 m and at 30 m. Here: a row of lamps and balls at 1, 2 and 6 m, a lens of 50 mm at
--- f/1.4.
+-- f/1.4. Out of focus each lamp becomes an evenly bright disk: for a lens of diameter A and focal
+-- length f, a lamp at distance z and a distance d in focus, of diameter A |z - d| / z * f / d on the
+-- sensor.
 
 local x = experiment("s1_figure_3_5", { seed = 2026 })
 

@@ -15,20 +15,20 @@ use crate::cli::workplace::{Workplace, copy_folder};
 /// Scripts with axes, references, films, stages, materials, time axes and options of many kinds, and
 /// the arguments with which they are planned.
 const SCRIPTS: [(&str, &[&str]); 14] = [
-    ("antialiasing", &[]),
-    ("bokeh", &[]),
-    ("bsdf_sampling", &[]),
-    ("bvh_study", &[]),
-    ("depth_study", &[]),
-    ("environment_sampling", &[]),
     ("first_light", &[]),
-    ("masking", &[]),
-    ("material_sweep", &[]),
-    ("mis_study", &[]),
     ("overnight", &["quick=true"]),
+    ("recipes/pixel_filters", &[]),
     ("techniques", &["quick=true"]),
-    ("transient_epanechnikov", &[]),
-    ("veach_pyramid", &[]),
+    ("theses/s0_figure_4_7", &[]),
+    ("theses/s0_figure_4_10", &[]),
+    ("theses/s0_figure_4_12", &[]),
+    ("theses/s0_figure_4_13", &[]),
+    ("theses/s0_figure_5_7", &[]),
+    ("theses/s1_figure_3_5", &[]),
+    ("theses/s1_figure_4_1", &[]),
+    ("theses/s1_figure_4_3", &[]),
+    ("theses/s1_table_4_2", &[]),
+    ("theses/s2_figure_6_4", &[]),
 ];
 
 /// Keys of JSON whose values differ from run to run, or with the program.

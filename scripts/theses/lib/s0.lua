@@ -1,5 +1,5 @@
 -- scripts/theses/lib/s0.lua: scenes, techniques and measurements of thesis S0, chapter 5, for the
--- scripts in scripts/theses/ (docs/bibliography.md).
+-- scripts in scripts/theses/ and scripts/overnight.lua (docs/bibliography.md).
 
 local s0 = {}
 
@@ -49,30 +49,40 @@ s0.display = tonemap.gamma { gamma = 2.2 }
 -- Returns the value of a pair for the full or the quick form of a script.
 function s0.form(p, values) return p.quick and values[2] or values[1] end
 
+-- Returns the scene of a stage as keys of a render table: the document's own below `folder`, or that
+-- of this project if `folder` is "own" or the document's is not published.
+function s0.scene(name, folder)
+  local stage, keys = s0.stages[name], {}
+  if folder ~= "own" and stage.file then
+    keys.scene = folder .. "/" .. stage.file
+    -- As published, the box with spheres has a tenth of the light of the one with meshes.
+    if name:find("cornell") then keys.set = { ["materials.light.emission"] = { 10, 10, 10 } } end
+    return keys
+  end
+  for key, value in pairs(stage.own) do keys[key] = value end
+  return keys
+end
+
 -- Returns the render table of a technique at the stage of a point: five path edges unless `depth`
 -- is given, and the Gaussian of section 4.4.2 with the radius of the published program.
--- `nee-document` is the estimator of section 4.10: points uniform over the area of the lamps, and
--- no weights. It leaves out light that paths hit by chance, which the document counts as well.
+-- `nee-document` is the estimator of Algorithm 4: points uniform over the area of the lamps, and light
+-- that paths hit is added to that of connections, so that most light counts twice.
 function s0.picture(p, technique, resolution, depth)
-  local stage = s0.stages[p.stage]
-  local render = { max_depth = depth or 5, resolution = resolution }
+  local render = s0.scene(p.stage, p.folder)
+  render.max_depth = depth or 5
+  render.resolution = resolution
   render.aa = { filter = "antialiasing_radius", radius = 0.15 }
-  if p.folder ~= "own" and stage.file then
-    render.scene = p.folder .. "/" .. stage.file
-    -- As published, the box with spheres has a tenth of the light of the one with meshes.
-    if p.stage:find("cornell") then render.set = { ["materials.light.emission"] = { 10, 10, 10 } } end
-  else
-    for key, value in pairs(stage.own) do render[key] = value end
-  end
   render.integrator = technique
   if technique == "nee-document" then
-    render.integrator, render.mis, render.select, render.lights = "nee", "none", "area", stage.lights
+    render.integrator, render.select = "nee_sum", "area"
+    render.lights = s0.stages[p.stage].lights
   end
   return render
 end
 
 -- Returns an experiment that renders `stages` by all techniques for the same time and measures them
--- against one reference for each stage. `size` and `seconds` are pairs: full and quick form.
+-- against one reference for each stage, and `nee-document` against one of its own, since it converges
+-- to another picture: "every technique has its own reference" (section 5.1.3). `size` and `seconds` are pairs: full and quick form.
 function s0.convergence(name, options)
   local x = experiment(name, { seed = 2026, repeats = 5 })
   x:axis("quick", { false })
@@ -82,7 +92,10 @@ function s0.convergence(name, options)
   local form = s0.form
   x:render(function(p) return s0.picture(p, p.technique, form(p, options.size)) end)
   x:reference {
-    from = function(p) return s0.stages[p.stage].reference end,
+    from = function(p)
+      if p.technique == "nee-document" then return { integrator = "nee_sum" } end
+      return s0.stages[p.stage].reference
+    end,
     stop = function(p) return stop.time(10 * form(p, options.seconds)) end,
   }
   -- `ssim` compares pictures as displayed: s0_section_5_1_3.lua shows why.

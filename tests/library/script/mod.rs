@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "test helpers may panic, as tests do")]
 
+mod displays;
 mod errors;
 mod errors_lua;
 mod errors_results;

@@ -68,7 +68,7 @@ lumbre_light::table! {
         "Pixel filter. Samples are distributed by importance sampling of the filter.";
     filter = "box": Ty::Word(FilterKind::NAMES),
         "shape of the filter: constant, linear, a Gaussian truncated at three sigma, a \
-         Blackman-Harris window, or the untruncated Gaussian of thesis S1 (sigma = 2 radius)";
+         Blackman-Harris window, or the untruncated Gaussian of thesis S0 (sigma = 2 radius)";
     radius = "0.5": Ty::num(0.0, 16.0),
         "half width in pixels; a box of 0.5 is the pixel itself; for `antialiasing_radius`, half \
          of sigma";
