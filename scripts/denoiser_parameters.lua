@@ -1,7 +1,7 @@
 -- scripts/denoiser_parameters.lua: how good the built-in denoiser is, by scene, samples and its parameters.
 --
 --     lumbre run scripts/denoiser_parameters.lua                               the defaults beside no denoiser
---     lumbre run scripts/denoiser_parameters.lua sigma_luminance=2,3,4,6       one parameter
+--     lumbre run scripts/denoiser_parameters.lua sigma_luminance=1,1.5,2       one parameter
 --     lumbre run scripts/denoiser_parameters.lua reference=64 width=64         the same in a minute
 --
 -- Every parameter is an axis with one value, which the command line replaces. Nights share pictures and references, so
@@ -28,10 +28,10 @@ x:axis("samples", { 4, 16, 64 })
 x:axis("width", { 192 })
 x:axis("reference", { 1024 })
 x:axis("denoise", { "none", "atrous" })
-x:axis("levels", { 5 })
-x:axis("sigma_luminance", { 3 })
-x:axis("sigma_albedo", { 0.1 })
-x:axis("normal_power", { 128 })
+x:axis("levels", { 4 })
+x:axis("sigma_luminance", { 1.5 })
+x:axis("sigma_albedo", { 0.2 })
+x:axis("normal_power", { 64 })
 
 x:render(function(p)
   local stage = stages[p.stage]
@@ -62,6 +62,7 @@ x:measure {
   rmse = metric.rmse(),
   smape = metric.smape(),
   flip = metric.flip { on = tonemap.srgb() },
+  display = tonemap.srgb { exposure = -1 },
 }
 
 x:stop(function(p) return stop.samples(p.samples) end)

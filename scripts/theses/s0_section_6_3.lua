@@ -11,13 +11,13 @@
 local x = experiment("s0_section_6_3", { seed = 2026, repeats = 5 })
 
 local arms = {
-  ["nee-document"] = { mis = "none", lights = "all", select = "area" },
+  unweighted = { mis = "none", lights = "all", select = "area" },
   balance = { mis = "balance", lights = "all", select = "area" },
   power = { mis = "power", lights = "all", select = "area" },
   denoised = { mis = "power", lights = "all", select = "area", denoise = "atrous" },
 }
 x:axis("quick", { false })
-x:axis("arm", { "nee-document", "balance", "power", "denoised" })
+x:axis("arm", { "unweighted", "balance", "power", "denoised" })
 
 x:render(function(p)
   local render = { scene = "scenes/veach_mis.lua", view = "plates", integrator = "nee", max_depth = 5 }

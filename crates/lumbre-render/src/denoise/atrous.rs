@@ -3,10 +3,16 @@
 //!
 //! A pixel becomes the weighted mean of its neighbourhood, in several passes whose taps are twice as
 //! far apart each time. A tap counts less the more its albedo or normal differs, and the more its
-//! luminance differs in units of the noise of the pixel: by the square of this difference, as in the
-//! former source, since weights by the difference itself darken the edges of lamps. Radiance is
-//! divided by the albedo before and multiplied by it afterwards, so that textures stay. Each output
-//! pixel is a function of the input alone: the result has the same bits for any number of threads.
+//! luminance differs in units of the noise of both pixels, as a mean over the 3 x 3 pixels around
+//! each [Rousselle et al. 2012]. Radiance is divided by the albedo before and multiplied by it
+//! afterwards, so that textures stay.
+//!
+//! The detail that a pass takes away is noise and picture. Its share of noise is estimated from the
+//! variances, and only that share is removed: a local Wiener filter [Mıhçak et al. 1999]. Reflections,
+//! caustics and edges of lamps, which the features do not show, stay where they exceed the noise.
+//!
+//! Each output pixel is a function of the input alone: the result has the same bits for any number of
+//! threads.
 
 use std::collections::BTreeMap;
 
@@ -18,7 +24,7 @@ use lumbre_light::value::Value;
 use lumbre_light::value::schema::Ty;
 
 /// Version of the filter; part of the identity of a run.
-pub const REVISION: i64 = 1;
+pub const REVISION: i64 = 2;
 
 lumbre_light::table! {
     /// Parameters of the filter as a table of scripts.
@@ -27,10 +33,11 @@ lumbre_light::table! {
          variance guidance [Dammertz et al. 2010; Schied et al. 2017].";
     levels = "4": Ty::int(1, 10),
         "number of passes; the last one reaches 2^levels pixels to each side";
-    sigma_luminance = "4": Ty::num(0.01, 1000.0),
-        "difference of luminance at which a tap counts 1/e, in standard errors of the pixel";
-    sigma_albedo = "0.05": Ty::num(0.001, 1000.0), "difference of albedo at which a tap counts 1/e";
-    normal_power = "128": Ty::num(0.0, 10_000.0),
+    sigma_luminance = "1.5": Ty::num(0.01, 1000.0),
+        "difference of luminance, beyond that of the noise, at which a tap counts 1/e, in standard \
+         errors of the difference; the root mean square over 3 x 3 pixels";
+    sigma_albedo = "0.2": Ty::num(0.001, 1000.0), "difference of albedo at which a tap counts 1/e";
+    normal_power = "64": Ty::num(0.0, 10_000.0),
         "sharpness for normals: a tap whose normal differs by the angle a counts about cos(a) to \
          this power";
 }
@@ -40,7 +47,7 @@ lumbre_light::table! {
 pub struct AtrousSettings {
     /// Number of passes.
     pub levels: u32,
-    /// Scale of differences of luminance, in standard errors.
+    /// Scale of differences of luminance, in standard errors of the difference.
     pub sigma_luminance: f32,
     /// Scale of differences of albedo.
     pub sigma_albedo: f32,
@@ -53,9 +60,9 @@ impl Default for AtrousSettings {
     fn default() -> AtrousSettings {
         AtrousSettings {
             levels: 4,
-            sigma_luminance: 4.0,
-            sigma_albedo: 0.05,
-            normal_power: 128.0,
+            sigma_luminance: 1.5,
+            sigma_albedo: 0.2,
+            normal_power: 64.0,
         }
     }
 }
@@ -117,6 +124,17 @@ const FEW_SAMPLES: u64 = 4;
 /// Radius in pixels of the neighbourhood of that estimate.
 const RADIUS: i64 = 3;
 
+/// Ratio of the variance of a tap and of the pixel above which the tap counts in inverse proportion:
+/// pixels beside a firefly do not take its light.
+const MAX_NOISE_RATIO: f32 = 256.0;
+
+/// Radius in taps of the neighbourhood from which the share of noise in a detail is estimated.
+const SHARE_RADIUS: i64 = 3;
+
+/// Factor of the variance that a detail must exceed to be kept: the estimate from a neighbourhood is
+/// noisy, and the remains of a firefly are seen.
+const NOISE_MARGIN: f32 = 1.15;
+
 /// Exponent beyond which a tap is left out: its weight is below 1e-9.
 const NEGLIGIBLE: f32 = 20.0;
 
@@ -130,6 +148,21 @@ const BLUR: [f32; 2] = [1.0 / 2.0, 1.0 / 4.0];
 #[derive(Clone, Copy, Debug, Default)]
 struct Pixel {
     light: [f32; 3],
+    variance: f32,
+}
+
+/// Result of one pass for a pixel.
+#[derive(Clone, Copy, Debug, Default)]
+struct Smoothed {
+    pixel: Pixel,
+    /// Variance of the luminance that the pass takes away from the pixel.
+    detail_variance: f32,
+}
+
+/// Luminance of a pixel and an estimate of its variance that is less noisy than its own.
+#[derive(Clone, Copy, Debug, Default)]
+struct Guide {
+    luminance: f32,
     variance: f32,
 }
 
@@ -148,23 +181,29 @@ pub fn filter(settings: &AtrousSettings, input: Guided<'_>) -> Image {
         height: i64::from(input.mean.height),
     };
     let surfaces = surfaces(input);
-    let first = demodulated(input, &surfaces);
-    let mut pixels = first.clone();
+    let mut pixels = demodulated(input, &surfaces);
     if input.samples < FEW_SAMPLES {
-        pixels = with_spatial_variance(settings, size, &first, &surfaces);
+        pixels = with_spatial_variance(settings, size, &pixels, &surfaces);
     }
+    let mut changes = vec![[0.0f32; 3]; pixels.len()];
     for level in 0..settings.levels {
-        pixels = pass(settings, size, 1 << level, &pixels, &surfaces);
+        let step = 1 << level;
+        let next = pass(settings, size, step, &pixels, &surfaces);
+        let shares = noise_shares(size, step, &pixels, &next);
+        let places = changes.par_iter_mut().zip(&mut pixels);
+        places
+            .zip(next.par_iter().zip(&shares))
+            .for_each(|((change, pixel), (next, share))| {
+                for c in 0..3 {
+                    change[c] += share * (next.pixel.light[c] - pixel.light[c]);
+                }
+                *pixel = next.pixel;
+            });
     }
-    // Only what the passes changed is multiplied, so that a pixel which they leave alone keeps its
-    // bits.
-    let data = input.mean.data.par_iter().zip(&surfaces);
-    let data = data.zip(pixels.par_iter().zip(&first));
-    let data = data.map(|((mean, surface), (last, first))| {
-        [0, 1, 2].map(|c| {
-            let change = last.light[c] - first.light[c];
-            (mean[c] + divisor(surface, c) * change).max(0.0)
-        })
+    // Only the changes are multiplied, so that a pixel which the passes leave alone keeps its bits.
+    let data = input.mean.data.par_iter().zip(&surfaces).zip(&changes);
+    let data = data.map(|((mean, surface), change)| {
+        [0, 1, 2].map(|c| (mean[c] + divisor(surface, c) * change[c]).max(0.0))
     });
     Image::from_pixels(input.mean.width, input.mean.height, data.collect())
 }
@@ -183,16 +222,32 @@ impl Size {
         inside.then(|| (y * self.width + x) as usize)
     }
 
-    /// Computes every pixel from its column and row, in parallel by rows.
-    fn map<T: Send + Default + Clone>(self, f: impl Fn(i64, i64) -> T + Sync) -> Vec<T> {
+    /// Returns the index of the pixel of the picture that is nearest to this place.
+    fn nearest(self, x: i64, y: i64) -> usize {
+        (y.clamp(0, self.height - 1) * self.width + x.clamp(0, self.width - 1)) as usize
+    }
+
+    /// Returns the row of `values` that is nearest to this one.
+    fn row<T>(self, values: &[T], y: i64) -> &[T] {
+        let start = self.nearest(0, y);
+        &values[start..start + self.width as usize]
+    }
+
+    /// Computes every row by its index, in parallel. `f` fills a row of default values.
+    fn rows<T: Send + Default + Clone>(self, f: impl Fn(i64, &mut [T]) + Sync) -> Vec<T> {
         let mut out = vec![T::default(); (self.width * self.height) as usize];
         let rows = out.par_chunks_mut(self.width.max(1) as usize).enumerate();
-        rows.for_each(|(y, row)| {
-            for (x, pixel) in row.iter_mut().enumerate() {
-                *pixel = f(x as i64, y as i64);
-            }
-        });
+        rows.for_each(|(y, row)| f(y as i64, row));
         out
+    }
+
+    /// Computes every pixel from its column and row, in parallel by rows.
+    fn map<T: Send + Default + Clone>(self, f: impl Fn(i64, i64) -> T + Sync) -> Vec<T> {
+        self.rows(|y, row| {
+            for (x, pixel) in row.iter_mut().enumerate() {
+                *pixel = f(x as i64, y);
+            }
+        })
     }
 }
 
@@ -272,59 +327,150 @@ fn pass(
     step: i64,
     pixels: &[Pixel],
     surfaces: &[Surface],
-) -> Vec<Pixel> {
-    size.map(|x, y| {
-        let centre = (y * size.width + x) as usize;
-        let pixel = pixels[centre];
-        let luminance = luminance_f32(pixel.light);
-        let deviation = blurred_variance(size, pixels, x, y).sqrt();
-        let per_luminance = 1.0 / (settings.sigma_luminance * deviation + f32::MIN_POSITIVE);
-        // Differences are summed, not values: taps equal to the pixel leave its bits alone.
-        let own = SPLINE[0] * SPLINE[0];
-        let (mut change, mut weights) = ([0.0f32; 3], own);
-        let mut variance = own * own * pixel.variance;
-        for dy in -2..=2i64 {
-            for dx in -2..=2i64 {
-                let tap = size.index(x + dx * step, y + dy * step);
-                let Some(tap) = tap.filter(|_| (dx, dy) != (0, 0)) else {
+) -> Vec<Smoothed> {
+    let guides = size.map(|x, y| {
+        let pixel = pixels[size.nearest(x, y)];
+        Guide {
+            luminance: luminance_f32(pixel.light),
+            // A firefly has the noise of its own, not the smaller one around it.
+            variance: blurred_variance(size, pixels, x, y).max(pixel.variance),
+        }
+    });
+    let own = SPLINE[0] * SPLINE[0];
+    size.rows(|y, row: &mut [Smoothed]| {
+        let mut weights = vec![own; row.len()];
+        let mut distances = vec![0.0; row.len()];
+        for (dx, dy) in (-2..=2i64).flat_map(|dy| (-2..=2i64).map(move |dx| (dx, dy))) {
+            let shift = [dx * step, dy * step];
+            if (dx, dy) == (0, 0) || !(0..size.height).contains(&(y + shift[1])) {
+                continue;
+            }
+            patch_distances(settings, size, &guides, y, shift, &mut distances);
+            let spline = SPLINE[dx.unsigned_abs() as usize] * SPLINE[dy.unsigned_abs() as usize];
+            for (x, sum) in row.iter_mut().enumerate() {
+                let Some(tap) = size.index(x as i64 + shift[0], y + shift[1]) else {
                     continue;
                 };
-                let other = &pixels[tap];
-                let difference = (luminance_f32(other.light) - luminance).abs();
-                let relative = difference * per_luminance;
-                let exponent = relative * relative
-                    + settings.surface_exponent(&surfaces[centre], &surfaces[tap]);
+                let centre = size.nearest(x as i64, y);
+                let exponent =
+                    distances[x] + settings.surface_exponent(&surfaces[centre], &surfaces[tap]);
                 if exponent < NEGLIGIBLE {
-                    let spline =
-                        SPLINE[dx.unsigned_abs() as usize] * SPLINE[dy.unsigned_abs() as usize];
-                    let weight = spline * (-exponent).exp();
-                    change =
-                        [0, 1, 2].map(|c| change[c] + weight * (other.light[c] - pixel.light[c]));
-                    variance += weight * weight * other.variance;
-                    weights += weight;
+                    let (pixel, other) = (&pixels[centre], &pixels[tap]);
+                    let excess = guides[tap].variance / (MAX_NOISE_RATIO * guides[centre].variance);
+                    let weight = spline * (-exponent).exp() / excess.max(1.0);
+                    // Differences are summed, not values: taps equal to the pixel leave its bits
+                    // alone.
+                    for c in 0..3 {
+                        sum.pixel.light[c] += weight * (other.light[c] - pixel.light[c]);
+                    }
+                    sum.pixel.variance += weight * weight * other.variance;
+                    weights[x] += weight;
                 }
             }
         }
-        Pixel {
-            light: [0, 1, 2].map(|c| pixel.light[c] + change[c] / weights),
-            variance: variance / (weights * weights),
+        for (x, (sum, weights)) in row.iter_mut().zip(weights).enumerate() {
+            let pixel = &pixels[size.nearest(x as i64, y)];
+            let others = sum.pixel.variance / (weights * weights);
+            let kept = own / weights;
+            *sum = Smoothed {
+                pixel: Pixel {
+                    light: [0, 1, 2].map(|c| pixel.light[c] + sum.pixel.light[c] / weights),
+                    variance: others + kept * kept * pixel.variance,
+                },
+                detail_variance: others + (1.0 - kept) * (1.0 - kept) * pixel.variance,
+            };
         }
     })
 }
 
-/// Returns the variance around a pixel, blurred because that of a single pixel is itself noisy.
+/// Writes the distance of each pixel of row `y` from the pixel `shift` away: the square of the
+/// difference of their luminances less its expectation by noise, relative to the variance at which a
+/// tap counts 1/e, as a mean over the 3 x 3 pixels around both, and at least 0. Pixels beyond the
+/// border repeat the border.
+fn patch_distances(
+    settings: &AtrousSettings,
+    size: Size,
+    guides: &[Guide],
+    y: i64,
+    shift: [i64; 2],
+    out: &mut [f32],
+) {
+    let scale = settings.sigma_luminance * settings.sigma_luminance;
+    let mut columns = vec![0.0; out.len()];
+    let last = columns.len() - 1;
+    for y in y - 1..=y + 1 {
+        let (from, to) = (size.row(guides, y), size.row(guides, y + shift[1]));
+        for (x, sum) in columns.iter_mut().enumerate() {
+            let a = &from[x];
+            let b = &to[(x as i64 + shift[0]).clamp(0, last as i64) as usize];
+            let difference = a.luminance - b.luminance;
+            let noise = a.variance + a.variance.min(b.variance);
+            let variance = scale * (a.variance + b.variance) + f32::MIN_POSITIVE;
+            *sum += (difference * difference - noise) / variance;
+        }
+    }
+    for (x, distance) in out.iter_mut().enumerate() {
+        let sum = columns[x.saturating_sub(1)] + columns[x] + columns[(x + 1).min(last)];
+        *distance = (sum / 9.0).max(0.0);
+    }
+}
+
+/// Returns the share of noise, 0 to 1, in the detail that a pass takes away from each pixel. Both the
+/// variance of the detail and its square are summed over a neighbourhood of taps, since a pixel that
+/// no rare path has reached has no variance.
+fn noise_shares(size: Size, step: i64, pixels: &[Pixel], next: &[Smoothed]) -> Vec<f32> {
+    let energies = size.map(|x, y| {
+        let i = size.nearest(x, y);
+        let detail = luminance_f32(pixels[i].light) - luminance_f32(next[i].pixel.light);
+        [detail * detail, next[i].detail_variance]
+    });
+    let sums = |energies: &[[f32; 2]], [dx, dy]: [i64; 2]| {
+        size.map(|x, y| {
+            let taps =
+                (-SHARE_RADIUS..=SHARE_RADIUS).filter_map(|k| size.index(x + k * dx, y + k * dy));
+            taps.fold([0.0f32; 2], |sum, tap| {
+                [0, 1].map(|e| sum[e] + energies[tap][e])
+            })
+        })
+    };
+    let sums = sums(&sums(&energies, [step, 0]), [0, step]);
+    let share = |[energy, noise]: &[f32; 2]| {
+        let noise = NOISE_MARGIN * noise;
+        // The square is steeper than the Wiener filter, which makes up for the margin.
+        if *energy > noise {
+            (noise / energy).powi(2)
+        } else {
+            1.0
+        }
+    };
+    sums.par_iter().map(share).collect()
+}
+
+/// Returns the variance around a pixel, blurred because that of a single pixel is itself noisy, and
+/// without the largest of the 3 x 3 pixels, which may be a firefly.
 fn blurred_variance(size: Size, pixels: &[Pixel], x: i64, y: i64) -> f32 {
     let (mut sum, mut weights) = (0.0, 0.0);
+    // Variance and weight of the largest so far.
+    let mut largest = (0.0, 0.0);
     for dy in -1..=1i64 {
         for dx in -1..=1i64 {
             if let Some(tap) = size.index(x + dx, y + dy) {
                 let weight = BLUR[dx.unsigned_abs() as usize] * BLUR[dy.unsigned_abs() as usize];
-                sum += weight * pixels[tap].variance;
-                weights += weight;
+                let mut counted = (pixels[tap].variance, weight);
+                if counted.0 > largest.0 {
+                    std::mem::swap(&mut counted, &mut largest);
+                }
+                sum += counted.1 * counted.0;
+                weights += counted.1;
             }
         }
     }
-    sum / weights
+    // A picture of one pixel has no others.
+    if weights > 0.0 {
+        sum / weights
+    } else {
+        largest.0
+    }
 }
 
 impl AtrousSettings {

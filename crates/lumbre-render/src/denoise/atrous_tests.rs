@@ -158,6 +158,49 @@ fn an_edge_of_light_is_kept_where_it_exceeds_the_noise() {
 }
 
 #[test]
+fn a_line_of_light_that_no_feature_shows_is_kept() {
+    let light = |x: u32, _: u32| if x == SIZE[0] / 2 { 1.6 } else { 1.0 };
+    let scene = Scene::noisy(0.1, light, grey);
+    let line = |x: u32| x == SIZE[0] / 2;
+    let [before, after] = [&scene.mean, &scene.filtered()].map(|image| scene.error(image, line));
+    assert!(after < before, "{before} {after}");
+}
+
+#[test]
+fn noise_falls_beside_a_firefly_and_so_does_the_firefly() {
+    let mut scene = Scene::noisy(0.2, |_, _| 1.0, grey);
+    let (place, firefly) = ((SIZE[1] / 2 * SIZE[0] + SIZE[0] / 2) as usize, 20.0);
+    for c in 0..3 {
+        // All of it comes from one sample, so its standard error is its value.
+        let value = firefly * scene.truth.data[place][c];
+        scene.mean.data[place][c] += value;
+        scene.variance.data[place][c] += value * value;
+    }
+    let mut filtered = scene.filtered();
+    let error = |value: [f32; 3]| (value[1] / scene.truth.data[place][1] - 1.0).abs();
+    assert!(error(filtered.data[place]) < 0.1 * firefly);
+    filtered.data[place] = scene.truth.data[place];
+    let near = |x: u32| x.abs_diff(SIZE[0] / 2) < 4;
+    let after = scene.error(&filtered, near);
+    assert!(after < FALL_AT_EDGES * 0.2, "{after}");
+}
+
+#[test]
+fn pixels_without_variance_by_chance_are_filtered_with_the_others() {
+    let mut scene = Scene::noisy(0.0, |_, _| 1.0, grey);
+    let mut random = noise();
+    for (i, truth) in scene.truth.data.iter().enumerate() {
+        // A quarter of the pixels have found a rare light, each by one sample.
+        let value = if random() < 0.25 { 4.0 } else { 0.0 };
+        scene.mean.data[i] = truth.map(|x| value * x);
+        scene.variance.data[i] = truth.map(|x| (value * x).powi(2));
+    }
+    let [before, after] =
+        [&scene.mean, &scene.filtered()].map(|image| scene.error(image, |_| true));
+    assert!(after < FALL_AT_EDGES * before, "{before} {after}");
+}
+
+#[test]
 fn surfaces_with_other_normals_are_not_mixed() {
     let light = |x: u32, _: u32| if x < SIZE[0] / 2 { 1.0 } else { 1.3 };
     let mut scene = Scene::noisy(0.3, light, grey);
@@ -271,7 +314,7 @@ fn the_variance_after_a_pass_is_that_of_the_means_of_independent_pixels() {
     let after = pass(&settings, size, 1, &pixels, &surfaces);
     let inside: Vec<&Pixel> = (4..size.height - 4)
         .flat_map(|y| (4..size.width - 4).map(move |x| (y * size.width + x) as usize))
-        .map(|i| &after[i])
+        .map(|i| &after[i].pixel)
         .collect();
     let n = inside.len() as f32;
     let mean = inside.iter().map(|p| p.light[1]).sum::<f32>() / n;
