@@ -20,7 +20,7 @@ const IDS: [(&str, &str); 10] = [
     ("time", "bdbfebbb"),
     ("filter", "18fdebd1"),
     ("scene", "8d0bed37"),
-    ("denoised", "bfece477"),
+    ("denoised", "9e8494da"),
 ];
 
 /// Plans a script with a cell for each of some cases.

@@ -1,18 +1,19 @@
 //! Edge-avoiding à-trous wavelet filter with variance guidance [Dammertz et al. 2010; Schied et al.
 //! 2017, the spatial part].
 //!
-//! A pixel becomes the weighted mean of its neighbourhood, in several passes whose taps are twice as
-//! far apart each time. A tap counts less the more its albedo or normal differs, and the more its
-//! luminance differs in units of the noise of both pixels, as a mean over the 3 x 3 pixels around
-//! each [Rousselle et al. 2012]. Radiance is divided by the albedo before and multiplied by it
-//! afterwards, so that textures stay.
+//! A pixel becomes the weighted mean of its neighbourhood, in several passes whose taps are twice
+//! as far apart each time. A tap counts less the more its albedo or normal differs, and the more
+//! its luminance differs in units of the noise of both pixels, as a mean over the 3 x 3 pixels
+//! around each [Rousselle et al. 2012]. Radiance is divided by the albedo before and multiplied by
+//! it afterwards, so that textures stay.
 //!
 //! The detail that a pass takes away is noise and picture. Its share of noise is estimated from the
-//! variances, and only that share is removed: a local Wiener filter [Mıhçak et al. 1999]. Reflections,
-//! caustics and edges of lamps, which the features do not show, stay where they exceed the noise.
+//! variances, and only that share is removed: a local Wiener filter [Mıhçak et al. 1999].
+//! Reflections, caustics and edges of lamps, which the features do not show, stay where they exceed
+//! the noise.
 //!
-//! Each output pixel is a function of the input alone: the result has the same bits for any number of
-//! threads.
+//! Each output pixel is a function of the input alone: the result has the same bits for any number
+//! of threads.
 
 use std::collections::BTreeMap;
 
@@ -124,15 +125,15 @@ const FEW_SAMPLES: u64 = 4;
 /// Radius in pixels of the neighbourhood of that estimate.
 const RADIUS: i64 = 3;
 
-/// Ratio of the variance of a tap and of the pixel above which the tap counts in inverse proportion:
-/// pixels beside a firefly do not take its light.
+/// Ratio of the variance of a tap and of the pixel above which the tap counts in inverse
+/// proportion: pixels beside a firefly do not take its light.
 const MAX_NOISE_RATIO: f32 = 256.0;
 
 /// Radius in taps of the neighbourhood from which the share of noise in a detail is estimated.
 const SHARE_RADIUS: i64 = 3;
 
-/// Factor of the variance that a detail must exceed to be kept: the estimate from a neighbourhood is
-/// noisy, and the remains of a firefly are seen.
+/// Factor of the variance that a detail must exceed to be kept: the estimate from a neighbourhood
+/// is noisy, and the remains of a firefly are seen.
 const NOISE_MARGIN: f32 = 1.15;
 
 /// Exponent beyond which a tap is left out: its weight is below 1e-9.
@@ -194,8 +195,8 @@ pub fn filter(settings: &AtrousSettings, input: Guided<'_>) -> Image {
         places
             .zip(next.par_iter().zip(&shares))
             .for_each(|((change, pixel), (next, share))| {
-                for c in 0..3 {
-                    change[c] += share * (next.pixel.light[c] - pixel.light[c]);
+                for (c, sum) in change.iter_mut().enumerate() {
+                    *sum += share * (next.pixel.light[c] - pixel.light[c]);
                 }
                 *pixel = next.pixel;
             });
@@ -384,8 +385,8 @@ fn pass(
 }
 
 /// Writes the distance of each pixel of row `y` from the pixel `shift` away: the square of the
-/// difference of their luminances less its expectation by noise, relative to the variance at which a
-/// tap counts 1/e, as a mean over the 3 x 3 pixels around both, and at least 0. Pixels beyond the
+/// difference of their luminances less its expectation by noise, relative to the variance at which
+/// a tap counts 1/e, as a mean over the 3 x 3 pixels around both, and at least 0. Pixels beyond the
 /// border repeat the border.
 fn patch_distances(
     settings: &AtrousSettings,
@@ -415,9 +416,9 @@ fn patch_distances(
     }
 }
 
-/// Returns the share of noise, 0 to 1, in the detail that a pass takes away from each pixel. Both the
-/// variance of the detail and its square are summed over a neighbourhood of taps, since a pixel that
-/// no rare path has reached has no variance.
+/// Returns the share of noise, 0 to 1, in the detail that a pass takes away from each pixel. Both
+/// the variance of the detail and its square are summed over a neighbourhood of taps, since a pixel
+/// that no rare path has reached has no variance.
 fn noise_shares(size: Size, step: i64, pixels: &[Pixel], next: &[Smoothed]) -> Vec<f32> {
     let energies = size.map(|x, y| {
         let i = size.nearest(x, y);
